@@ -1,0 +1,1 @@
+"""The Deformer application: command line, pictures, demo. Numerics live in `deformer`."""

@@ -1,0 +1,196 @@
+"""Triangle meshes and sequences of them that share one connectivity, and their edge operators."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import sparse
+from scipy.sparse import csgraph
+
+from deformer.errors import InputError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# Bounds on the cotangent weight of an edge. Cotangents have no unit, so these hold at any scale.
+MIN_COTAN_WEIGHT = 1e-2
+MAX_COTAN_WEIGHT = 1e2
+
+
+def _check_faces(faces: ArrayLike, vertex_count: int) -> IntArray:
+    array = np.asarray(faces)
+    if array.ndim != 2 or array.shape[1] != 3 or len(array) == 0:
+        raise InputError(
+            f"faces: expected an array of shape (F, 3) with F > 0, got {array.shape}; "
+            "triangulate the faces"
+        )
+    if not np.issubdtype(array.dtype, np.integer):
+        raise InputError(f"faces: expected integers, got {array.dtype}; cast the indices to int")
+    bad = np.flatnonzero(((array < 0) | (array >= vertex_count)).any(axis=1))
+    if len(bad):
+        raise InputError(
+            f"faces[{bad[0]}]: indices {array[bad[0]].tolist()} are outside 0…{vertex_count - 1}; "
+            "remove the face or add the missing vertices"
+        )
+    return _frozen(array.astype(np.int64))
+
+
+def _check_vertices(vertices: ArrayLike, ndim: int) -> FloatArray:
+    array = np.asarray(vertices)
+    expected = "(V, 3)" if ndim == 2 else "(N, V, 3)"
+    if array.ndim != ndim or array.shape[-1] != 3 or 0 in array.shape:
+        raise InputError(f"vertices: expected an array of shape {expected}, got {array.shape}")
+    array = array.astype(np.float64)
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        raise InputError(
+            f"vertices{bad[0][:-1].tolist()}: {array[tuple(bad[0])]} is not a finite position; "
+            "repair or remove it"
+        )
+    return _frozen(array)
+
+
+def _frozen(array: NDArray) -> NDArray:
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """One triangle mesh.
+
+    Args:
+        vertices: (V, 3) finite positions, kept as read-only float64 in the data's own units.
+        faces: (F, 3) vertex indices, counter-clockwise seen from outside, kept as int64.
+
+    Raises:
+        InputError: wrong shape, an index out of range, or a position that is not finite.
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+
+    def __post_init__(self) -> None:
+        """Check the arrays and keep read-only copies."""
+        object.__setattr__(self, "vertices", _check_vertices(self.vertices, 2))
+        object.__setattr__(self, "faces", _check_faces(self.faces, len(self.vertices)))
+
+    @cached_property
+    def bounding_diagonal(self) -> float:
+        """Length of the diagonal of the axis-aligned bounding box."""
+        return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
+
+
+@dataclass(frozen=True, eq=False)
+class MeshSequence:
+    """N shapes with one connectivity.
+
+    Args:
+        vertices: (N, V, 3) finite positions, kept as read-only float64 in the data's own units.
+        faces: (F, 3) vertex indices shared by all shapes, kept as int64.
+
+    Raises:
+        InputError: wrong shape, an index out of range, or a position that is not finite.
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+
+    def __post_init__(self) -> None:
+        """Check the arrays and keep read-only copies."""
+        object.__setattr__(self, "vertices", _check_vertices(self.vertices, 3))
+        object.__setattr__(self, "faces", _check_faces(self.faces, self.vertices.shape[1]))
+
+    def __len__(self) -> int:
+        """Count the shapes."""
+        return len(self.vertices)
+
+    def mesh(self, index: int) -> Mesh:
+        """Shape `index` as a Mesh."""
+        if not -len(self) <= index < len(self):
+            raise InputError(f"shape {index} does not exist; the sequence has {len(self)} shapes")
+        return Mesh(self.vertices[index], self.faces)
+
+    def subset(self, indices: ArrayLike) -> MeshSequence:
+        """Shapes at `indices`, in that order."""
+        chosen = np.asarray(indices, dtype=np.int64)
+        bad = chosen[(chosen < 0) | (chosen >= len(self))]
+        if len(bad):
+            raise InputError(f"shape {bad[0]} does not exist; the sequence has {len(self)} shapes")
+        return MeshSequence(self.vertices[chosen], self.faces)
+
+
+def edges(faces: IntArray) -> IntArray:
+    """Undirected edges (E, 2) of `faces` (F, 3), each once with the smaller index first, sorted."""
+    half = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    half = np.sort(half[half[:, 0] != half[:, 1]], axis=1)
+    return np.unique(half, axis=0)
+
+
+def one_rings(faces: IntArray, vertex_count: int) -> tuple[IntArray, IntArray]:
+    """One-ring neighbours of every vertex in compressed rows.
+
+    Returns:
+        indptr (V+1,) and neighbours (2E,): the ring of i is neighbours[indptr[i]:indptr[i+1]],
+        in increasing order; empty for a vertex without a face.
+    """
+    pairs = edges(faces)
+    matrix = sparse.csr_array(
+        (np.ones(2 * len(pairs)), (pairs.T.ravel(), pairs[:, ::-1].T.ravel())),
+        shape=(vertex_count, vertex_count),
+    )
+    matrix.sort_indices()
+    return matrix.indptr.astype(np.int64), matrix.indices.astype(np.int64)
+
+
+def cotan_weights(mesh: Mesh) -> sparse.csr_array:
+    """Symmetric (V, V) matrix of cotangent weights c_ij = ½(cot α_ij + cot β_ij) of the edges.
+
+    Slivers, obtuse triangles and coincident vertices give negative, huge or undefined cotangents.
+    A triangle's double area is taken as at least 1e-12 of its longest squared edge (and a triangle
+    shrunk to a point counts 0), and the sum over the triangles of an edge is clamped to
+    [MIN_COTAN_WEIGHT, MAX_COTAN_WEIGHT]; every edge therefore has a positive finite weight, and
+    the Laplacian built from them is positive semi-definite on any mesh.
+    """
+    v, f = mesh.vertices, mesh.faces
+    rows, columns, values = [], [], []
+    for corner in range(3):
+        i, j, k = f[:, corner], f[:, (corner + 1) % 3], f[:, (corner + 2) % 3]
+        to_j, to_k = v[j] - v[i], v[k] - v[i]
+        double_area = np.linalg.norm(np.cross(to_j, to_k), axis=1)
+        longest = np.maximum((to_j**2).sum(1), (to_k**2).sum(1))
+        floor = np.maximum(1e-12 * longest, np.finfo(float).tiny)
+        rows.append(j)
+        columns.append(k)
+        values.append(0.5 * (to_j * to_k).sum(1) / np.maximum(double_area, floor))
+    row, column = np.concatenate(rows), np.concatenate(columns)
+    value = np.concatenate(values)
+    keep = row != column
+    V = len(v)
+    half = sparse.csr_array((value[keep], (row[keep], column[keep])), shape=(V, V))
+    weights = sparse.csr_array(half + half.T)
+    weights.sum_duplicates()
+    weights.sort_indices()
+    np.clip(weights.data, MIN_COTAN_WEIGHT, MAX_COTAN_WEIGHT, out=weights.data)
+    return weights
+
+
+def connected_components(faces: IntArray, vertex_count: int) -> tuple[int, IntArray]:
+    """Count of connected components and the component label (V,) of every vertex."""
+    pairs = edges(faces)
+    graph = sparse.csr_array(
+        (np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(vertex_count, vertex_count)
+    )
+    count, labels = csgraph.connected_components(graph, directed=False)
+    return int(count), labels.astype(np.int64)
+
+
+def connectivity_hash(faces: IntArray, vertex_count: int) -> str:
+    """SHA-256 of the vertex count and the faces in order: equal only for equal connectivity."""
+    digest = hashlib.sha256(f"{vertex_count}\n".encode())
+    digest.update(np.ascontiguousarray(faces, dtype="<i8").tobytes())
+    return digest.hexdigest()

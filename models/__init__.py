@@ -1,0 +1,1 @@
+"""Shipped models, one folder each (package data of the distribution)."""
