@@ -1,0 +1,106 @@
+"""Wavefront OBJ: positions and polygons, in the file's own order."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from deformer._parsing import corner_indices, fan_triangles, positions
+from deformer.errors import InputError
+from deformer.mesh import FloatArray, IntArray
+
+
+class ObjReader:
+    """Reads the files of one sequence; faces spelled as in the file before are not parsed again.
+
+    Only `v` and `f` count: texture coordinates and normals never split a vertex. A fourth
+    coordinate (a weight of rational curves) and vertex colours are ignored, as are lines, points,
+    groups and materials.
+    """
+
+    def __init__(self) -> None:
+        """Start a sequence."""
+        self._face_text = b""
+        self._faces: IntArray | None = None
+        self._vertex_count = -1
+
+    def __call__(self, data: bytes, name: str) -> tuple[FloatArray, IntArray]:
+        """Positions (V, 3) and triangles (F, 3) of the file contents `data`.
+
+        Raises:
+            InputError: no vertices or faces, garbage, or a face index out of range.
+        """
+        text = _normalised(data)
+        lines = [line.strip() for line in text.split(b"\n")]
+        rows = [line.split() for line in lines if line[:2] == b"v " or line == b"v"]
+        if not rows:
+            raise InputError(
+                f"{name}: no vertices, expected lines 'v x y z'; check that it is an OBJ file"
+            )
+        vertices = positions(rows, 1, name, lambda i: _place(text, b"v", i))
+        face_lines = [line for line in lines if line[:2] == b"f " or line == b"f"]
+        face_text = b"\n".join(face_lines)
+        if (
+            self._faces is None
+            or face_text != self._face_text
+            or len(vertices) != self._vertex_count
+            # A negative index counts back from the vertices read so far.
+            or b"-" in face_text
+        ):
+            self._faces = _faces(face_lines, lines, text, len(vertices), name)
+            self._face_text, self._vertex_count = face_text, len(vertices)
+        return vertices, self._faces
+
+
+def _normalised(data: bytes) -> bytes:
+    """Tabs, continuations and a byte order mark as spaces; every byte keeps its offset."""
+    if b"\n" not in data:
+        data = data.replace(b"\r", b"\n")
+    if data.startswith(b"\xef\xbb\xbf"):
+        data = b"   " + data[3:]
+    if b"\\" in data:
+        # \v stands for the swallowed line end, so that lines can still be counted.
+        data = re.sub(rb"\\(\r?)\n", lambda m: b" " * (1 + len(m[1])) + b"\v", data)
+    return data.replace(b"\t", b" ")
+
+
+def _place(text: bytes, keyword: bytes, index: int) -> str:
+    """Line, in the file, of statement number `index` that starts with `keyword`."""
+    number = 1
+    for line in text.split(b"\n"):
+        if line.split(maxsplit=1)[:1] == [keyword]:
+            if index == 0:
+                break
+            index -= 1
+        number += 1 + line.count(b"\v")
+    return f"line {number}"
+
+
+def _faces(
+    face_lines: list[bytes], lines: list[bytes], text: bytes, vertex_count: int, name: str
+) -> IntArray:
+    # "17/3/5" names vertex 17, texture coordinate 3, normal 5; the vertex alone matters here.
+    rows = [
+        re.sub(rb"/[^\s]*", b"", line.partition(b"#")[0]).split()[1:] if line else []
+        for line in face_lines
+    ]
+
+    def where(i: int) -> str:
+        return _place(text, b"f", i)
+
+    raw, counts = corner_indices(rows, name, where)
+    corners = raw - 1
+    if (raw < 0).any():
+        is_vertex = np.array([line[:2] == b"v " for line in lines])
+        is_face = np.array([line[:2] == b"f " or line == b"f" for line in lines])
+        seen = np.cumsum(is_vertex)[is_face]
+        corners = np.where(raw < 0, raw + np.repeat(seen, counts), corners)
+    return fan_triangles(corners, counts, vertex_count, name, where, shown=raw, first=1)
+
+
+def write_obj(vertices: FloatArray, faces: IntArray) -> bytes:
+    """OBJ text of a triangle mesh; the shortest decimals that give the same float64 back."""
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
+    return ("\n".join(lines) + "\n").encode("ascii")

@@ -1,0 +1,127 @@
+"""What the mesh file readers share: numbers, face indices and the triangulation of polygons."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from deformer.errors import InputError
+from deformer.mesh import FloatArray, IntArray
+
+# Names the place of item number i for an error message: "line 12", "face 3".
+Where = Callable[[int], str]
+
+
+def positions(rows: Sequence[Sequence[bytes]], start: int, name: str, where: Where) -> FloatArray:
+    """Positions (n, 3) from tokens start, start+1, start+2 of every row; later tokens are ignored.
+
+    Raises:
+        InputError: a row is short, or a token is not a finite number.
+    """
+    tokens = [token for row in rows for token in row[start : start + 3]]
+    # float() takes "1_000" as Python source does; a mesh file does not mean that.
+    if len(tokens) == 3 * len(rows) and b"_" not in b"".join(tokens):
+        try:
+            values = np.array([float(token) for token in tokens]).reshape(-1, 3)
+        except ValueError:
+            pass
+        else:
+            if np.isfinite(values).all():
+                return values
+    for i, row in enumerate(rows):
+        found = row[start : start + 3]
+        if len(found) != 3 or not all(_is_finite_number(token) for token in found):
+            raise InputError(
+                f"{name}, {where(i)}: found {_shown(found)} as a position, expected three finite "
+                "numbers; correct the line or export the file again"
+            )
+    raise InputError(f"{name}: positions cannot be read; export the file again")
+
+
+def _is_finite_number(token: bytes) -> bool:
+    try:
+        return b"_" not in token and bool(np.isfinite(float(token)))
+    except ValueError:
+        return False
+
+
+def _shown(tokens: Sequence[bytes]) -> str:
+    return repr(b" ".join(tokens)[:60].decode("utf-8", "replace"))
+
+
+def corner_indices(
+    rows: Sequence[Sequence[bytes]], name: str, where: Where
+) -> tuple[IntArray, IntArray]:
+    """All tokens of all rows as integers in one array, and the count of tokens of every row.
+
+    Raises:
+        InputError: a token is not an integer.
+    """
+    counts = np.array([len(row) for row in rows], dtype=np.int64)
+    tokens = [token for row in rows for token in row]
+    try:
+        if b"_" not in b"".join(tokens):
+            return np.array([int(token) for token in tokens], dtype=np.int64), counts
+    except (ValueError, OverflowError):
+        pass
+    bad = next(i for i, row in enumerate(rows) if not all(_is_index(token) for token in row))
+    raise InputError(
+        f"{name}, {where(bad)}: found {_shown(rows[bad])} as a face, expected vertex indices; "
+        "correct the line or export the file again"
+    )
+
+
+def _is_index(token: bytes) -> bool:
+    try:
+        return b"_" not in token and abs(int(token)) < 2**63
+    except ValueError:
+        return False
+
+
+def fan_triangles(
+    corners: IntArray,
+    counts: IntArray,
+    vertex_count: int,
+    name: str,
+    where: Where,
+    shown: IntArray | None = None,
+    first: int = 0,
+) -> IntArray:
+    """Split polygons into triangles (F, 3), as fans around the first corner of each.
+
+    The split depends on the indices alone, so it is the same in every shape of a sequence.
+
+    Args:
+        corners: vertex indices of all polygons in one array, counted from 0.
+        counts: (n,) corners of each polygon.
+        vertex_count: vertices of the mesh.
+        name: file name for messages.
+        where: names the place of polygon i for messages.
+        shown: the indices as they stand in the file, for messages; `corners` if not given.
+        first: index of the first vertex in the file's own counting, for messages.
+
+    Raises:
+        InputError: no polygon, a polygon of fewer than 3 corners, or an index out of range.
+    """
+    if len(counts) == 0:
+        raise InputError(f"{name}: no faces, expected a triangle mesh; export it with its faces")
+    short = np.flatnonzero(counts < 3)
+    if len(short):
+        raise InputError(
+            f"{name}, {where(int(short[0]))}: a face of {counts[short[0]]} corners, expected at "
+            "least 3; remove the face"
+        )
+    bad = np.flatnonzero((corners < 0) | (corners >= vertex_count))
+    if len(bad):
+        face = int(np.searchsorted(np.cumsum(counts), bad[0], side="right"))
+        found = (corners if shown is None else shown)[bad[0]]
+        raise InputError(
+            f"{name}, {where(face)}: found vertex index {found}, expected "
+            f"{first}…{vertex_count - 1 + first}; remove the face or add the missing vertices"
+        )
+    triangles = counts - 2
+    polygon = np.repeat(np.arange(len(counts)), triangles)
+    step = np.arange(triangles.sum()) - np.repeat(np.cumsum(triangles) - triangles, triangles)
+    hub = (np.cumsum(counts) - counts)[polygon]
+    return np.stack([corners[hub], corners[hub + step + 1], corners[hub + step + 2]], axis=1)

@@ -1,0 +1,101 @@
+"""STL: a triangle soup in float32, welded the same way over a sequence."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from deformer._parsing import positions
+from deformer.errors import InputError
+from deformer.mesh import FloatArray, IntArray
+
+_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+class StlReader:
+    """Reads the files of one sequence; corners that coincide in the first file are one vertex.
+
+    Vertices are numbered by their first corner in the file. Corners that coincide in later files
+    only stay apart.
+    """
+
+    def __init__(self) -> None:
+        """Start a sequence."""
+        self._first_corner: IntArray | None = None
+        self._faces = np.empty((0, 3), dtype=np.int64)
+        self._name = ""
+
+    def __call__(self, data: bytes, name: str) -> tuple[FloatArray, IntArray]:
+        """Positions (V, 3) and triangles (F, 3) of the file contents `data`.
+
+        Raises:
+            InputError: garbage, or corners welded by the first file that do not coincide here.
+        """
+        # Adding zero turns -0.0 into 0.0, which is the same place.
+        corners = _corners(data, name) + 0.0
+        if self._first_corner is None:
+            bits = np.ascontiguousarray(corners).view("V24").ravel()
+            _, first, label = np.unique(bits, return_index=True, return_inverse=True)
+            order = np.argsort(first)
+            rank = np.empty(len(order), dtype=np.int64)
+            rank[order] = np.arange(len(order))
+            self._first_corner = first[order]
+            self._faces = rank[label].reshape(-1, 3)
+            self._name = name
+        if len(corners) != self._faces.size:
+            raise InputError(
+                f"{name}: {len(corners) // 3} triangles, expected {len(self._faces)} as in "
+                f"{self._name}; export all shapes with one connectivity"
+            )
+        vertices = corners[self._first_corner]
+        apart = np.flatnonzero((corners != vertices[self._faces.ravel()]).any(axis=1))
+        if len(apart):
+            raise InputError(
+                f"{name}, triangle {apart[0] // 3}: a corner of vertex "
+                f"{self._faces.ravel()[apart[0]]} lies apart from the vertex's other corners, "
+                f"expected them together as in {self._name}; export as PLY, which keeps vertices"
+            )
+        return vertices, self._faces
+
+
+def _corners(data: bytes, name: str) -> FloatArray:
+    count = int.from_bytes(data[80:84], "little")
+    if len(data) >= 84 and len(data) == 84 + 50 * count:
+        corners = np.frombuffer(data, _TRIANGLE, count, 84)["corners"].reshape(-1, 3)
+        corners = corners.astype(np.float64)
+        bad = np.flatnonzero(~np.isfinite(corners).all(axis=1))
+        if len(bad):
+            raise InputError(
+                f"{name}, triangle {bad[0] // 3}: found {corners[bad[0]].tolist()}, expected "
+                "finite positions; repair the triangle"
+            )
+    elif data.lstrip()[:5].lower() == b"solid":
+        found = [
+            (number, row)
+            for number, row in enumerate((line.split() for line in data.splitlines()), 1)
+            if row[:1] == [b"vertex"]
+        ]
+        rows = [row for _, row in found]
+        corners = positions(rows, 1, name, lambda i: f"line {found[i][0]}")
+    else:
+        raise InputError(
+            f"{name}: {len(data)} bytes, expected 84 + 50 for each of {count} triangles or text "
+            "that starts with 'solid'; export the file again"
+        )
+    if len(corners) == 0 or len(corners) % 3:
+        raise InputError(
+            f"{name}: {len(corners)} corners, expected three for each triangle and at least one "
+            "triangle; export the file again"
+        )
+    return corners
+
+
+def write_stl(vertices: FloatArray, faces: IntArray) -> bytes:
+    """Binary STL of a triangle mesh: float32; vertices without a face are lost."""
+    soup = np.zeros(len(faces), dtype=_TRIANGLE)
+    soup["corners"] = vertices[faces]
+    corners = soup["corners"].astype(np.float64)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    soup["normal"] = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
+    # The header must not begin with "solid": readers take that for text.
+    return b"deformer".ljust(80) + len(faces).to_bytes(4, "little") + soup.tobytes()

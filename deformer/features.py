@@ -1,0 +1,361 @@
+"""ACAP features: what each vertex's neighbourhood did to get from the reference to a shape.
+
+The deformation gradient of a vertex is split into rotation and stretch, T = R S; the feature is
+the rotation vector (continuous over the mesh, see `rotation_field`) and the upper triangle of S.
+After Gao et al., "Sparse Data Driven Mesh Deformation" (arXiv 1709.01250).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike
+from scipy import sparse
+from scipy.sparse.linalg import lsmr
+
+from deformer.cholesky import SparseCholesky
+from deformer.errors import InputError
+from deformer.mesh import (
+    FloatArray,
+    Mesh,
+    MeshSequence,
+    connected_components,
+    cotan_weights,
+    one_rings,
+)
+from deformer.rotation_field import continuous_logs
+from deformer.rotations import closest_rotation_, exp_, log_to_rotation
+
+Progress = Callable[[int, int], None]
+
+# Upper triangle of a symmetric 3×3 matrix in the order of the features: xx xy xz yy yz zz.
+STRETCH_ROWS = np.array([0, 0, 0, 1, 1, 2])
+STRETCH_COLUMNS = np.array([0, 1, 2, 1, 2, 2])
+
+# Weight of "normal goes to normal" beside the edges of a one-ring. Flat rings need it; without it
+# nearly flat ones put noise into the stretch along the normal.
+_NORMAL_WEIGHT = 0.05
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _vertex_normals(p, faces, out):
+    """Area-weighted unit normals; zero where the faces around a vertex cancel."""
+    out[:] = 0.0
+    for f in range(len(faces)):
+        i, j, k = faces[f]
+        ux, uy, uz = p[j, 0] - p[i, 0], p[j, 1] - p[i, 1], p[j, 2] - p[i, 2]
+        wx, wy, wz = p[k, 0] - p[i, 0], p[k, 1] - p[i, 1], p[k, 2] - p[i, 2]
+        nx, ny, nz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
+        for v in (i, j, k):
+            out[v, 0] += nx
+            out[v, 1] += ny
+            out[v, 2] += nz
+    for i in range(len(p)):
+        length = np.sqrt(out[i, 0] ** 2 + out[i, 1] ** 2 + out[i, 2] ** 2)
+        if length > 0.0:
+            out[i] /= length
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _gradients(v, p, indptr, rings, c, normals, new_normals, inverse, ridge, weight, T):
+    """Normal equations T M = Σ c p_e v_eᵀ + weight n' nᵀ + ridge R, one 3×3 system a vertex.
+
+    Here R is the rotation closest to the right-hand side without the ridge, so that a rigid
+    motion of any ring, flat or collapsed to a line, gives exactly that motion's rotation.
+    """
+    B = np.empty((3, 3))
+    R = np.empty((3, 3))
+    for i in range(len(v)):
+        B[:] = 0.0
+        for k in range(indptr[i], indptr[i + 1]):
+            j = rings[k]
+            for a in range(3):
+                pa = c[k] * (p[i, a] - p[j, a])
+                for b in range(3):
+                    B[a, b] += pa * (v[i, b] - v[j, b])
+        for a in range(3):
+            for b in range(3):
+                B[a, b] += weight[i] * new_normals[i, a] * normals[i, b]
+        closest_rotation_(B, R)
+        for a in range(3):
+            for b in range(3):
+                B[a, b] += ridge[i] * R[a, b]
+        for a in range(3):
+            for b in range(3):
+                T[i, a, b] = (
+                    B[a, 0] * inverse[i, 0, b]
+                    + B[a, 1] * inverse[i, 1, b]
+                    + B[a, 2] * inverse[i, 2, b]
+                )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _rotations(T, R):
+    for i in range(len(T)):
+        closest_rotation_(T[i], R[i])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _stretches(T, R, s):
+    """Upper triangle of the symmetric part of Rᵀ T."""
+    for i in range(len(T)):
+        n = 0
+        for a in range(3):
+            for b in range(a, 3):
+                total = 0.0
+                for d in range(3):
+                    total += R[i, d, a] * T[i, d, b] + R[i, d, b] * T[i, d, a]
+                s[i, n] = 0.5 * total
+                n += 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _to_gradients(q, T):
+    """T = exp(r) S from features q (V,9)."""
+    R = np.empty((3, 3))
+    for i in range(len(q)):
+        exp_(q[i, :3], R)
+        s = q[i, 3:]
+        for a in range(3):
+            x, y, z = R[a, 0], R[a, 1], R[a, 2]
+            T[i, a, 0] = x * s[0] + y * s[1] + z * s[2]
+            T[i, a, 1] = x * s[1] + y * s[3] + z * s[4]
+            T[i, a, 2] = x * s[2] + y * s[4] + z * s[5]
+
+
+def features_to_gradients(q: ArrayLike) -> FloatArray:
+    """Deformation gradients T = exp(r) S, (..., 3, 3), of features (..., 9)."""
+    features = np.ascontiguousarray(q, dtype=np.float64)
+    if features.shape[-1] != 9:
+        raise InputError(f"features: expected (..., 9), got {features.shape}")
+    T = np.empty((*features.shape[:-1], 3, 3))
+    _to_gradients(features.reshape(-1, 9), T.reshape(-1, 3, 3))
+    return T
+
+
+class FeatureExtractor:
+    """Features of shapes against one reference: set up once, extract many.
+
+    Args:
+        reference: the undeformed mesh. Its cotangent weights (clamped, see `mesh.cotan_weights`)
+            and normals are prepared here.
+    """
+
+    def __init__(self, reference: Mesh) -> None:
+        """Prepare one-rings, weights and the inverse normal matrices of the reference."""
+        v = reference.vertices
+        V = len(v)
+        self.reference = reference
+        self.indptr, self.rings = one_rings(reference.faces, V)
+        self.weights = cotan_weights(reference)
+        self._labels = connected_components(reference.faces, V)[1]
+        self._normals = np.empty((V, 3))
+        _vertex_normals(v, reference.faces, self._normals)
+        rows = np.repeat(np.arange(V), np.diff(self.indptr))
+        e = v[rows] - v[self.rings]
+        M = np.zeros((V, 3, 3))
+        np.add.at(M, rows, self.weights.data[:, None, None] * e[:, :, None] * e[:, None, :])
+        trace = np.trace(M, axis1=1, axis2=2)
+        # A vertex without an edge of any length says nothing: T is then the identity.
+        scale = np.where(trace > 0, trace, 1.0)
+        self._normal_weight = _NORMAL_WEIGHT * scale
+        self._ridge = 1e-9 * scale
+        M += self._normal_weight[:, None, None] * self._normals[:, :, None] * self._normals[:, None]
+        # The ridge weighs in only on directions that neither edges nor normal determine.
+        smallest = np.linalg.eigvalsh(M)[:, 0]
+        self._ridge = np.where(smallest > 1e-6 * scale, self._ridge, 1e-3 * scale)
+        M += self._ridge[:, None, None] * np.eye(3)
+        self._inverse = np.linalg.inv(M)
+        degree = np.asarray(self.weights.sum(axis=1)).ravel()
+        self._laplacian = sparse.csr_array(sparse.diags_array(degree) - self.weights)
+        self._divergence = _divergence(v, self.weights)
+        gram = self._divergence @ self._divergence.T
+        # Constants are in the null space (b sums to zero): a tiny ridge makes it definite.
+        ridge = 1e-9 * gram.diagonal().mean() * sparse.eye_array(V)
+        self._gram = SparseCholesky(gram + ridge)
+
+    def gradients(self, vertices: ArrayLike) -> FloatArray:
+        """Deformation gradients T (V, 3, 3) from the reference to `vertices` (V, 3).
+
+        T_i = argmin Σ_j c_ij ‖(p_i − p_j) − T (v_i − v_j)‖² over the one-ring. A flat ring leaves
+        T open along the normal; there the reference's unit normal goes to the shape's. A ring
+        collapsed to a line or a point falls back on the closest rotation.
+
+        Reconstruction sees T only through b(T) (see `poisson`), and the fit leaves b(T) a little
+        off L p. The smallest change of T (in the sum of squares) that makes b(T) = L p is added,
+        so that features hold the shape exactly.
+        """
+        p = np.ascontiguousarray(vertices, dtype=np.float64)
+        v = self.reference.vertices
+        if p.shape != v.shape:
+            raise InputError(
+                f"vertices: expected {v.shape} as the reference has, got {p.shape}; "
+                "all shapes must share one connectivity"
+            )
+        new_normals = np.empty_like(p)
+        _vertex_normals(p, self.reference.faces, new_normals)
+        T = np.empty((len(p), 3, 3))
+        _gradients(
+            v,
+            p,
+            self.indptr,
+            self.rings,
+            self.weights.data,
+            self._normals,
+            new_normals,
+            self._inverse,
+            self._ridge,
+            self._normal_weight,
+            T,
+        )
+        misfit = self._laplacian @ p - self._divergence @ _columns(T)
+        T += _from_columns(self._divergence.T @ self._gram.solve(misfit))
+        return T
+
+    def extract(self, vertices: ArrayLike) -> FloatArray:
+        """Features (V, 9) of one shape (V, 3): rotation vector, then xx xy xz yy yz zz of S."""
+        T = self.gradients(vertices)
+        R = np.empty_like(T)
+        _rotations(T, R)
+        q = np.empty((len(T), 9))
+        r, bridged = continuous_logs(R, self.indptr, self.rings, self._labels)
+        q[:, :3] = r
+        if bridged.any():
+            R[bridged] = log_to_rotation(r[bridged])
+        _stretches(T, R, q[:, 3:])
+        if bridged.any():
+            self._compensate(q, T, np.flatnonzero(bridged))
+        return q
+
+    def _compensate(self, q: FloatArray, T: FloatArray, vertices: np.ndarray) -> None:
+        """Change the stretch at `vertices` (in place, least squares) so that b(T) is unchanged."""
+        R = log_to_rotation(q[vertices, :3])
+        misfit = self._divergence @ _columns(T - features_to_gradients(q))
+        basis = np.zeros((6, 3, 3))
+        basis[np.arange(6), STRETCH_ROWS, STRETCH_COLUMNS] = 1.0
+        basis[np.arange(6), STRETCH_COLUMNS, STRETCH_ROWS] = 1.0
+        near = self._divergence[:, (3 * vertices[:, None] + np.arange(3)).ravel()]
+        # Row a of ∂T/∂s at each vertex, as blocks (3, 6) on the diagonal.
+        A = sparse.vstack(
+            [
+                near @ sparse.block_diag(list(np.einsum("nd,sdc->ncs", R[:, a], basis)))
+                for a in range(3)
+            ]
+        )
+        change = lsmr(A, misfit.T.ravel(), atol=1e-12, btol=1e-12, maxiter=2000)[0]
+        q[vertices, 3:] += change.reshape(-1, 6)
+
+
+def _columns(T: FloatArray) -> FloatArray:
+    """T (V, 3, 3) as (3V, 3): row 3i + c holds column c of T_i."""
+    return T.transpose(0, 2, 1).reshape(-1, 3)
+
+
+def _from_columns(columns: FloatArray) -> FloatArray:
+    """Inverse of `_columns`."""
+    return columns.reshape(-1, 3, 3).transpose(0, 2, 1)
+
+
+def _divergence(v: FloatArray, weights: sparse.csr_array) -> sparse.csr_array:
+    """Matrix (V, 3V) of b(T): b_i = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j) = (D columns(T))_i."""
+    V = len(v)
+    rows = np.repeat(np.arange(V), np.diff(weights.indptr))
+    arms = 0.5 * weights.data[:, None] * (v[rows] - v[weights.indices])
+    own = np.zeros((V, 3))
+    np.add.at(own, rows, arms)
+    data = np.concatenate([arms, own])
+    row = np.concatenate([rows, np.arange(V)])
+    column = np.concatenate([weights.indices, np.arange(V)])
+    return sparse.csr_array(
+        (data.ravel(), (np.repeat(row, 3), (3 * column[:, None] + np.arange(3)).ravel())),
+        shape=(V, 3 * V),
+    )
+
+
+def extract_features(
+    shapes: MeshSequence, reference: int = 0, progress: Progress | None = None
+) -> FloatArray:
+    """Features (N, V, 9) of every shape against shape `reference` of the same sequence.
+
+    Args:
+        shapes: N shapes.
+        reference: index of the undeformed shape.
+        progress: called with (done, total) after each shape.
+
+    Returns:
+        q (N, V, 9): rotation vector in radians (3), then stretch xx xy xz yy yz zz (6). Memory
+        beyond the result is that of a few shapes.
+    """
+    extractor = FeatureExtractor(shapes.mesh(reference))
+    return extract_all(extractor, shapes.vertices, progress)
+
+
+def extract_all(
+    extractor: FeatureExtractor, vertices: FloatArray, progress: Progress | None = None
+) -> FloatArray:
+    """Features (N, V, 9) of `vertices` (N, V, 3), one shape a thread (the kernels drop the GIL)."""
+    q = np.empty((*vertices.shape[:2], 9))
+
+    def one(index: int) -> None:
+        q[index] = extractor.extract(vertices[index])
+
+    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+        for done, _ in enumerate(pool.map(one, range(len(vertices))), start=1):
+            if progress is not None:
+                progress(done, len(vertices))
+    return q
+
+
+@dataclass(frozen=True)
+class FeatureScaler:
+    """Linear map of features to [−0.95, 0.95], one range for r and one for s (the paper).
+
+    Args:
+        r_min, r_max: range of all entries of the rotation vectors, radians.
+        s_min, s_max: range of all entries of the stretch.
+    """
+
+    r_min: float
+    r_max: float
+    s_min: float
+    s_max: float
+
+    LIMIT = 0.95
+
+    @classmethod
+    def fit(cls, q: FloatArray) -> FeatureScaler:
+        """Ranges of features (..., 9); a range without extent is widened to hold its value."""
+        r_min, r_max = float(q[..., :3].min()), float(q[..., :3].max())
+        s_min, s_max = float(q[..., 3:].min()), float(q[..., 3:].max())
+        if r_max - r_min < 1e-9:
+            r_min, r_max = r_min - 1.0, r_max + 1.0
+        if s_max - s_min < 1e-9:
+            s_min, s_max = s_min - 1.0, s_max + 1.0
+        return cls(r_min, r_max, s_min, s_max)
+
+    @property
+    def gain(self) -> FloatArray:
+        """Derivative (9,) of features with respect to scaled features."""
+        r = (self.r_max - self.r_min) / (2 * self.LIMIT)
+        s = (self.s_max - self.s_min) / (2 * self.LIMIT)
+        return np.array([r] * 3 + [s] * 6)
+
+    @property
+    def offset(self) -> FloatArray:
+        """Features (9,) that are scaled to zero."""
+        r = 0.5 * (self.r_max + self.r_min)
+        s = 0.5 * (self.s_max + self.s_min)
+        return np.array([r] * 3 + [s] * 6)
+
+    def scale(self, q: FloatArray) -> FloatArray:
+        """Features (..., 9) to [−0.95, 0.95]; values outside the fitted range go beyond it."""
+        return (q - self.offset) / self.gain
+
+    def unscale(self, x: FloatArray) -> FloatArray:
+        """Inverse of `scale`."""
+        return x * self.gain + self.offset

@@ -1,0 +1,187 @@
+"""From features back to vertices: a Poisson system factored once and solved many times."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike
+from scipy import sparse
+from scipy.spatial import cKDTree
+
+from deformer.cholesky import SparseCholesky
+from deformer.errors import InputError
+from deformer.features import features_to_gradients
+from deformer.mesh import (
+    FloatArray,
+    Mesh,
+    MeshSequence,
+    connected_components,
+    cotan_weights,
+)
+
+# Shapes reconstructed at once: a multiple of three right-hand sides, bounded memory.
+_BATCH = 40
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _rhs(indptr, rings, c, v, T, b):
+    """b_i = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j)."""
+    for i in range(len(v)):
+        bx = by = bz = 0.0
+        for k in range(indptr[i], indptr[i + 1]):
+            j = rings[k]
+            x = 0.5 * c[k] * (v[i, 0] - v[j, 0])
+            y = 0.5 * c[k] * (v[i, 1] - v[j, 1])
+            z = 0.5 * c[k] * (v[i, 2] - v[j, 2])
+            bx += (T[i, 0, 0] + T[j, 0, 0]) * x
+            bx += (T[i, 0, 1] + T[j, 0, 1]) * y
+            bx += (T[i, 0, 2] + T[j, 0, 2]) * z
+            by += (T[i, 1, 0] + T[j, 1, 0]) * x
+            by += (T[i, 1, 1] + T[j, 1, 1]) * y
+            by += (T[i, 1, 2] + T[j, 1, 2]) * z
+            bz += (T[i, 2, 0] + T[j, 2, 0]) * x
+            bz += (T[i, 2, 1] + T[j, 2, 1]) * y
+            bz += (T[i, 2, 2] + T[j, 2, 2]) * z
+        b[i, 0] = bx
+        b[i, 1] = by
+        b[i, 2] = bz
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _arms(indptr, rings, c, v, green, out):
+    """a_i = ½ Σ_j c_ij (G_i − G_j)(v_i − v_j), so that G·b(T) = Σ_i T_i a_i."""
+    for i in range(len(v)):
+        x = y = z = 0.0
+        for k in range(indptr[i], indptr[i + 1]):
+            j = rings[k]
+            w = 0.5 * c[k] * (green[i] - green[j])
+            x += w * (v[i, 0] - v[j, 0])
+            y += w * (v[i, 1] - v[j, 1])
+            z += w * (v[i, 2] - v[j, 2])
+        out[i, 0] = x
+        out[i, 1] = y
+        out[i, 2] = z
+
+
+def _bridge_edges(v: FloatArray, count: int, labels: np.ndarray) -> np.ndarray:
+    """One edge (i, j) from every smaller component to the nearest vertex of the largest."""
+    main = np.bincount(labels, minlength=count).argmax()
+    others = np.flatnonzero(labels != main)
+    if len(others) == 0:
+        return np.empty((0, 2), dtype=np.int64)
+    base = np.flatnonzero(labels == main)
+    distance, nearest = cKDTree(v[base]).query(v[others])
+    order = np.lexsort((distance, labels[others]))
+    first = order[np.unique(labels[others][order], return_index=True)[1]]
+    return np.column_stack([others[first], base[nearest[first]]])
+
+
+class PoissonSystem:
+    """Vertices from deformation gradients: p = argmin Σ c_ij ‖(p_i − p_j) − T_i (v_i − v_j)‖².
+
+    The normal equations are L p = b(T), b_i = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j). The Laplacian L
+    depends on the reference alone and is factored here, once.
+
+    Translation is free: one vertex, the `anchor`, is held while solving, and solutions are moved
+    so that their centroid is the reference's. A mesh of several connected components gets one
+    extra edge from each smaller component to the nearest vertex of the largest; it has no
+    influence on any component's shape and carries it along, as an eye is carried by its head.
+
+    Args:
+        reference: the undeformed mesh.
+    """
+
+    def __init__(self, reference: Mesh) -> None:
+        """Assemble the Laplacian of the reference and factor it."""
+        v = reference.vertices
+        V = len(v)
+        self.reference = reference
+        weights = cotan_weights(reference)
+        self.component_count, self.labels = connected_components(reference.faces, V)
+        bridges = _bridge_edges(v, self.component_count, self.labels)
+        if len(bridges):
+            i, j = bridges.T
+            extra = sparse.csr_array((np.ones(len(i)), (i, j)), shape=(V, V))
+            weights = sparse.csr_array(weights + extra + extra.T)
+            weights.sort_indices()
+        self.weights = weights
+        self.indptr = weights.indptr.astype(np.int64)
+        self.rings = weights.indices.astype(np.int64)
+        self.c = weights.data
+        self.laplacian = sparse.csr_array(
+            sparse.diags_array(np.asarray(weights.sum(axis=1)).ravel()) - weights
+        )
+        # Fixing the anchor softly keeps all V rows; since every b sums to zero the solution does
+        # not feel the value of the stiffness, only its scale must fit L's.
+        self.anchor = 0
+        stiffness = self.laplacian.diagonal().mean()
+        ground = sparse.coo_array(([stiffness], ([self.anchor], [self.anchor])), shape=(V, V))
+        self._factor = SparseCholesky(self.laplacian + ground)
+        self.centroid = v.mean(axis=0)
+
+    def back_substitute(self, b: ArrayLike) -> FloatArray:
+        """Solution (V, m) of the grounded system for right-hand sides (V, m), not centred."""
+        return self._factor.solve(np.asarray(b, dtype=np.float64))
+
+    def rhs(self, T: ArrayLike) -> FloatArray:
+        """Right-hand side b (V, 3) of deformation gradients T (V, 3, 3)."""
+        gradients = np.ascontiguousarray(T, dtype=np.float64)
+        b = np.empty((len(gradients), 3))
+        _rhs(self.indptr, self.rings, self.c, self.reference.vertices, gradients, b)
+        return b
+
+    def solve(self, T: ArrayLike) -> FloatArray:
+        """Vertices (V, 3) of deformation gradients T (V, 3, 3), centroid at the reference's."""
+        p = self.back_substitute(self.rhs(T))
+        return p + (self.centroid - p.mean(axis=0))
+
+    def reconstruct(self, q: ArrayLike) -> FloatArray:
+        """Vertices (..., V, 3) of features (..., V, 9), centroids at the reference's."""
+        features = np.asarray(q, dtype=np.float64)
+        V = len(self.reference.vertices)
+        if features.shape[-2:] != (V, 9):
+            raise InputError(f"features: expected (..., {V}, 9), got {features.shape}")
+        flat = features.reshape(-1, V, 9)
+        p = np.empty((len(flat), V, 3))
+        for start in range(0, len(flat), _BATCH):
+            chunk = flat[start : start + _BATCH]
+            b = np.concatenate([self.rhs(features_to_gradients(f)) for f in chunk], axis=1)
+            x = self.back_substitute(b).reshape(V, len(chunk), 3).transpose(1, 0, 2)
+            p[start : start + _BATCH] = x + (self.centroid - x.mean(axis=1))[:, None]
+        return p.reshape(*features.shape[:-1], 3)
+
+    def green_rows(self, vertices: ArrayLike) -> FloatArray:
+        """Green's functions (H, V): p_h = centroid + G_h · b(T) for the centred solution.
+
+        G_h solves L G = e_h − 1/V. One back-substitution for all of them.
+        """
+        index = np.asarray(vertices, dtype=np.int64)
+        V = len(self.reference.vertices)
+        b = np.full((V, len(index)), -1.0 / V)
+        b[index, np.arange(len(index))] += 1.0
+        G = self.back_substitute(b)
+        return np.ascontiguousarray((G - G.mean(axis=0)).T)
+
+    def arms(self, green: FloatArray) -> FloatArray:
+        """Arms (H, V, 3) of Green rows (H, V): G_h · b(T) = Σ_i T_i arm_h,i, without a solve."""
+        out = np.empty((*green.shape, 3))
+        for row, arm in zip(green, out, strict=True):
+            _arms(self.indptr, self.rings, self.c, self.reference.vertices, row, arm)
+        return out
+
+
+def reconstruct(shapes: MeshSequence, q: ArrayLike, reference: int = 0) -> FloatArray:
+    """Vertices (N, V, 3) of features q (N, V, 9) taken against shape `reference` of `shapes`.
+
+    Features hold no translation. Where q has one entry a shape, every connected component is moved
+    so that its centroid is that of the input shape; otherwise the shape's centroid is the
+    reference's.
+    """
+    system = PoissonSystem(shapes.mesh(reference))
+    p = system.reconstruct(q)
+    if p.shape != shapes.vertices.shape:
+        return p
+    counts = np.bincount(system.labels, minlength=system.component_count)
+    shift = np.zeros((len(p), system.component_count, 3))
+    np.add.at(shift, (slice(None), system.labels), shapes.vertices - p)
+    return p + (shift / counts[:, None])[:, system.labels]

@@ -1,0 +1,294 @@
+"""Rotations: polar decomposition, exponential and logarithm with their derivative, Procrustes.
+
+A rotation vector r = θω turns by θ = ‖r‖ radians about the unit axis ω (right-handed); vectors
+longer than π stand for several turns. Functions that end in an underscore are compiled scalar
+kernels that other compiled modules call; they write into their last arguments.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike
+
+from deformer.mesh import FloatArray
+
+# Below this angle (radians) series replace the closed forms; both are exact to 1e-15 there.
+_SMALL = 1e-4
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def exp_(r, R):
+    """R (3,3) = exp([r]×) for r (3,): Rodrigues' formula."""
+    x, y, z = r[0], r[1], r[2]
+    t2 = x * x + y * y + z * z
+    if t2 < _SMALL * _SMALL:
+        a = 1.0 - t2 / 6.0
+        b = 0.5 - t2 / 24.0
+    else:
+        t = math.sqrt(t2)
+        a = math.sin(t) / t
+        b = (1.0 - math.cos(t)) / t2
+    R[0, 0] = 1.0 - b * (y * y + z * z)
+    R[0, 1] = b * x * y - a * z
+    R[0, 2] = b * x * z + a * y
+    R[1, 0] = b * x * y + a * z
+    R[1, 1] = 1.0 - b * (x * x + z * z)
+    R[1, 2] = b * y * z - a * x
+    R[2, 0] = b * x * z - a * y
+    R[2, 1] = b * y * z + a * x
+    R[2, 2] = 1.0 - b * (x * x + y * y)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def right_jacobian_(r, J):
+    """J (3,3) with exp(r + δ) = exp(r) exp(J δ) to first order in δ."""
+    x, y, z = r[0], r[1], r[2]
+    t2 = x * x + y * y + z * z
+    if t2 < _SMALL * _SMALL:
+        b = 0.5 - t2 / 24.0
+        c = 1.0 / 6.0 - t2 / 120.0
+    else:
+        t = math.sqrt(t2)
+        b = (1.0 - math.cos(t)) / t2
+        c = (t - math.sin(t)) / (t2 * t)
+    J[0, 0] = 1.0 - c * (y * y + z * z)
+    J[0, 1] = c * x * y + b * z
+    J[0, 2] = c * x * z - b * y
+    J[1, 0] = c * x * y - b * z
+    J[1, 1] = 1.0 - c * (x * x + z * z)
+    J[1, 2] = c * y * z + b * x
+    J[2, 0] = c * x * z + b * y
+    J[2, 1] = c * y * z - b * x
+    J[2, 2] = 1.0 - c * (x * x + y * y)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def log_(R, r):
+    """r (3,) with exp([r]×) = R (3,3) and ‖r‖ ≤ π, through the quaternion of R (Shepperd)."""
+    trace = R[0, 0] + R[1, 1] + R[2, 2]
+    if trace > 0.0:
+        w = 1.0 + trace
+        x = R[2, 1] - R[1, 2]
+        y = R[0, 2] - R[2, 0]
+        z = R[1, 0] - R[0, 1]
+    elif R[0, 0] >= R[1, 1] and R[0, 0] >= R[2, 2]:
+        w = R[2, 1] - R[1, 2]
+        x = 1.0 + R[0, 0] - R[1, 1] - R[2, 2]
+        y = R[0, 1] + R[1, 0]
+        z = R[0, 2] + R[2, 0]
+    elif R[1, 1] >= R[2, 2]:
+        w = R[0, 2] - R[2, 0]
+        x = R[0, 1] + R[1, 0]
+        y = 1.0 + R[1, 1] - R[0, 0] - R[2, 2]
+        z = R[1, 2] + R[2, 1]
+    else:
+        w = R[1, 0] - R[0, 1]
+        x = R[0, 2] + R[2, 0]
+        y = R[1, 2] + R[2, 1]
+        z = 1.0 + R[2, 2] - R[0, 0] - R[1, 1]
+    if w < 0.0:
+        w, x, y, z = -w, -x, -y, -z
+    n = math.sqrt(x * x + y * y + z * z)
+    scale = 2.0 * math.atan2(n, w) / n if n > 1e-30 else 0.0
+    r[0] = scale * x
+    r[1] = scale * y
+    r[2] = scale * z
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _closest_rotation_by_quaternion_(T, R):
+    """Horn's method: R maximises tr(Rᵀ T) over rotations; holds for singular and mirrored T."""
+    N = np.empty((4, 4))
+    N[0, 0] = T[0, 0] + T[1, 1] + T[2, 2]
+    N[1, 1] = T[0, 0] - T[1, 1] - T[2, 2]
+    N[2, 2] = T[1, 1] - T[0, 0] - T[2, 2]
+    N[3, 3] = T[2, 2] - T[0, 0] - T[1, 1]
+    N[0, 1] = N[1, 0] = T[2, 1] - T[1, 2]
+    N[0, 2] = N[2, 0] = T[0, 2] - T[2, 0]
+    N[0, 3] = N[3, 0] = T[1, 0] - T[0, 1]
+    N[1, 2] = N[2, 1] = T[0, 1] + T[1, 0]
+    N[1, 3] = N[3, 1] = T[0, 2] + T[2, 0]
+    N[2, 3] = N[3, 2] = T[1, 2] + T[2, 1]
+    Q = np.eye(4)
+    for _ in range(30):  # cyclic Jacobi; converges quadratically, 6 sweeps in practice
+        off = 0.0
+        total = 0.0
+        for a in range(4):
+            total += N[a, a] * N[a, a]
+            for b in range(a + 1, 4):
+                off += N[a, b] * N[a, b]
+        if off <= 1e-32 * total or total == 0.0:
+            break
+        for a in range(3):
+            for b in range(a + 1, 4):
+                if N[a, b] == 0.0:
+                    continue
+                h = 0.5 * (N[b, b] - N[a, a]) / N[a, b]
+                t = 1.0 / (abs(h) + math.sqrt(h * h + 1.0))
+                if h < 0.0:
+                    t = -t
+                c = 1.0 / math.sqrt(t * t + 1.0)
+                s = t * c
+                for k in range(4):
+                    u = N[k, a]
+                    v = N[k, b]
+                    N[k, a] = c * u - s * v
+                    N[k, b] = s * u + c * v
+                for k in range(4):
+                    u = N[a, k]
+                    v = N[b, k]
+                    N[a, k] = c * u - s * v
+                    N[b, k] = s * u + c * v
+                for k in range(4):
+                    u = Q[k, a]
+                    v = Q[k, b]
+                    Q[k, a] = c * u - s * v
+                    Q[k, b] = s * u + c * v
+    best = 0
+    for k in range(1, 4):
+        if N[k, k] > N[best, best]:
+            best = k
+    w, x, y, z = Q[0, best], Q[1, best], Q[2, best], Q[3, best]
+    R[0, 0] = w * w + x * x - y * y - z * z
+    R[0, 1] = 2.0 * (x * y - w * z)
+    R[0, 2] = 2.0 * (x * z + w * y)
+    R[1, 0] = 2.0 * (x * y + w * z)
+    R[1, 1] = w * w - x * x + y * y - z * z
+    R[1, 2] = 2.0 * (y * z - w * x)
+    R[2, 0] = 2.0 * (x * z - w * y)
+    R[2, 1] = 2.0 * (y * z + w * x)
+    R[2, 2] = w * w - x * x - y * y + z * z
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def closest_rotation_(T, R):
+    """R (3,3) proper rotation closest to T (3,3): the rotation factor of T = R S."""
+    norm2 = 0.0
+    for a in range(3):
+        for b in range(3):
+            R[a, b] = T[a, b]
+            norm2 += T[a, b] * T[a, b]
+    # Higham's scaled Newton iteration, X ← ½(γX + (γX)⁻ᵀ), is several times faster than an
+    # eigen-decomposition; it needs a positive, not too small determinant.
+    C = np.empty((3, 3))
+    for iteration in range(20):
+        C[0, 0] = R[1, 1] * R[2, 2] - R[1, 2] * R[2, 1]
+        C[0, 1] = R[1, 2] * R[2, 0] - R[1, 0] * R[2, 2]
+        C[0, 2] = R[1, 0] * R[2, 1] - R[1, 1] * R[2, 0]
+        C[1, 0] = R[0, 2] * R[2, 1] - R[0, 1] * R[2, 2]
+        C[1, 1] = R[0, 0] * R[2, 2] - R[0, 2] * R[2, 0]
+        C[1, 2] = R[0, 1] * R[2, 0] - R[0, 0] * R[2, 1]
+        C[2, 0] = R[0, 1] * R[1, 2] - R[0, 2] * R[1, 1]
+        C[2, 1] = R[0, 2] * R[1, 0] - R[0, 0] * R[1, 2]
+        C[2, 2] = R[0, 0] * R[1, 1] - R[0, 1] * R[1, 0]
+        det = R[0, 0] * C[0, 0] + R[0, 1] * C[0, 1] + R[0, 2] * C[0, 2]
+        if iteration == 0 and not det > 1e-6 * norm2 * math.sqrt(norm2):
+            _closest_rotation_by_quaternion_(T, R)
+            return
+        gamma = det ** (-1.0 / 3.0)
+        change = 0.0
+        for a in range(3):
+            for b in range(3):
+                new = 0.5 * (gamma * R[a, b] + C[a, b] / (gamma * det))
+                change += (new - R[a, b]) ** 2
+                R[a, b] = new
+        if change < 1e-30:
+            return
+
+
+@njit(cache=True, nogil=True)
+def _exp_batch(r, R):
+    for i in range(len(r)):
+        exp_(r[i], R[i])
+
+
+@njit(cache=True, nogil=True)
+def _right_jacobian_batch(r, J):
+    for i in range(len(r)):
+        right_jacobian_(r[i], J[i])
+
+
+@njit(cache=True, nogil=True)
+def _log_batch(R, r):
+    for i in range(len(R)):
+        log_(R[i], r[i])
+
+
+@njit(cache=True, nogil=True)
+def _closest_rotation_batch(T, R):
+    for i in range(len(T)):
+        closest_rotation_(T[i], R[i])
+
+
+def log_to_rotation(r: ArrayLike) -> FloatArray:
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), in radians."""
+    flat = np.ascontiguousarray(r, dtype=np.float64)
+    out = np.empty((*flat.shape, 3))
+    _exp_batch(flat.reshape(-1, 3), out.reshape(-1, 3, 3))
+    return out
+
+
+def rotation_to_log(R: ArrayLike) -> FloatArray:
+    """Principal rotation vectors (..., 3), ‖r‖ ≤ π radians, of rotation matrices (..., 3, 3)."""
+    flat = np.ascontiguousarray(R, dtype=np.float64)
+    out = np.empty(flat.shape[:-1])
+    _log_batch(flat.reshape(-1, 3, 3), out.reshape(-1, 3))
+    return out
+
+
+def right_jacobian(r: ArrayLike) -> FloatArray:
+    """Right Jacobians (..., 3, 3) of exp at rotation vectors (..., 3).
+
+    exp(r + δ) = exp(r) exp(J δ) to first order; see Chirikjian, "Stochastic Models, Information
+    Theory, and Lie Groups", volume 2, equation 10.86.
+    """
+    flat = np.ascontiguousarray(r, dtype=np.float64)
+    out = np.empty((*flat.shape, 3))
+    _right_jacobian_batch(flat.reshape(-1, 3), out.reshape(-1, 3, 3))
+    return out
+
+
+def polar(T: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Polar decomposition T = R S of matrices (..., 3, 3).
+
+    Returns:
+        R (..., 3, 3), proper rotations (determinant +1) that maximise tr(Rᵀ T), and symmetric
+        S = Rᵀ T (..., 3, 3). S is positive semi-definite where det T ≥ 0; a mirrored T has one
+        negative stretch, its smallest.
+    """
+    flat = np.ascontiguousarray(T, dtype=np.float64)
+    R = np.empty_like(flat)
+    _closest_rotation_batch(flat.reshape(-1, 3, 3), R.reshape(-1, 3, 3))
+    S = np.swapaxes(R, -1, -2) @ flat
+    return R, 0.5 * (S + np.swapaxes(S, -1, -2))
+
+
+def procrustes(
+    source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Rigid motion that best maps points onto points: minimises Σ w ‖R source + t − target‖².
+
+    Args:
+        source: (n, 3) points.
+        target: (n, 3) points.
+        weights: (n,) positive weights, or None for equal ones.
+
+    Returns:
+        R (3, 3), a proper rotation, and t (3,). Where the points leave R open (one point, points
+        on a line) the result is one of the minimisers.
+    """
+    a = np.asarray(source, dtype=np.float64)
+    b = np.asarray(target, dtype=np.float64)
+    w = np.ones(len(a)) if weights is None else np.asarray(weights, dtype=np.float64)
+    w = w / w.sum()
+    centre_a, centre_b = w @ a, w @ b
+    covariance = (b - centre_b).T @ ((a - centre_a) * w[:, None])
+    if not covariance.any():
+        return np.eye(3), centre_b - centre_a
+    U, _, Vt = np.linalg.svd(covariance)
+    U[:, 2] *= np.sign(np.linalg.det(U) * np.linalg.det(Vt))
+    R = U @ Vt
+    return R, centre_b - R @ centre_a
