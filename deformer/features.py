@@ -247,7 +247,7 @@ class FeatureExtractor:
                 for a in range(3)
             ]
         )
-        change = lsmr(A, misfit.T.ravel(), atol=1e-12, btol=1e-12, maxiter=2000)[0]
+        change = lsmr(A, misfit.T.ravel(), atol=1e-10, btol=1e-10, maxiter=300)[0]
         q[vertices, 3:] += change.reshape(-1, 6)
 
 

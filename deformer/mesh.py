@@ -170,9 +170,12 @@ def cotan_weights(mesh: Mesh) -> sparse.csr_array:
     row, column = np.concatenate(rows), np.concatenate(columns)
     value = np.concatenate(values)
     keep = row != column
+    row, column, value = row[keep], column[keep], value[keep]
     V = len(v)
-    half = sparse.csr_array((value[keep], (row[keep], column[keep])), shape=(V, V))
-    weights = sparse.csr_array(half + half.T)
+    # Summed by construction, not by adding matrices: that would drop edges whose sum is zero.
+    weights = sparse.csr_array(
+        (np.tile(value, 2), (np.append(row, column), np.append(column, row))), shape=(V, V)
+    )
     weights.sum_duplicates()
     weights.sort_indices()
     np.clip(weights.data, MIN_COTAN_WEIGHT, MAX_COTAN_WEIGHT, out=weights.data)

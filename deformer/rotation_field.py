@@ -27,6 +27,8 @@ from deformer.rotations import log_, rotation_to_log
 
 # Neighbours whose logarithms differ by more than this (radians) are not continuous.
 MAX_EDGE_JUMP = 0.5 * math.pi
+# Within this angle of a whole turn (radians) the axis is taken from the surroundings at first.
+WHOLE_TURN_RADIUS = 0.5 * math.pi
 _TURN = 2.0 * math.pi
 
 
@@ -73,54 +75,94 @@ def _largest_jump_(r, indptr, rings):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _grow_(R, principal, indptr, rings, roots, r, reached):
+def _near_whole_turn_(principal, r):
+    """True where R is close to the identity but its logarithm is not: the axis is uncertain."""
+    return (
+        principal[0] ** 2 + principal[1] ** 2 + principal[2] ** 2 < WHOLE_TURN_RADIUS**2
+        and r[0] ** 2 + r[1] ** 2 + r[2] ** 2 > math.pi**2
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _continue_(R, indptr, rings, known, r, i, D, w, guess):
+    """Guess = logarithm at i continued from the known neighbours: their mean, turned further.
+
+    Along their common axis the turn between neighbours adds up exactly; across it the logarithm
+    cannot follow near a whole turn, and the mean stands.
+    """
+    guess[:] = 0.0
+    count = 0
+    for k in range(indptr[i], indptr[i + 1]):
+        j = rings[k]
+        if known[j]:
+            count += 1
+            for d in range(3):
+                guess[d] += r[j, d]
+    length = math.sqrt(guess[0] ** 2 + guess[1] ** 2 + guess[2] ** 2) / count
+    along = 0.0
+    if length > MAX_EDGE_JUMP:
+        for k in range(indptr[i], indptr[i + 1]):
+            j = rings[k]
+            if known[j]:
+                _relative_(R[j], R[i], D, w)
+                for d in range(3):
+                    along += guess[d] * w[d] / (length * count * count)
+    for d in range(3):
+        guess[d] = guess[d] / count * (1.0 + (along / length if length > 0.0 else 0.0))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _grow_(R, principal, indptr, rings, roots, r, bridged):
     """Prim's tree over rotation differences; r of a new vertex continues r of its parent."""
     D = np.empty((3, 3))
     w = np.empty(3)
     guess = np.empty(3)
+    reached = np.zeros(len(r), dtype=np.bool_)
     for root in roots:
-        heap = [(0.0, root, root)]
+        heap = [(0.0, root)]
         while len(heap) > 0:
-            _, i, j = heapq.heappop(heap)
+            _, j = heapq.heappop(heap)
             if reached[j]:
                 continue
+            if j == root:
+                guess[:] = r[j]
+            else:
+                _continue_(R, indptr, rings, reached, r, j, D, w, guess)
             reached[j] = True
-            _relative_(R[i], R[j], D, w)
-            # Along the axis of i the turn is followed exactly; across it the log cannot be.
-            length = math.sqrt(_distance2_(r[i], np.zeros(3)))
-            along = 0.0
-            if length > MAX_EDGE_JUMP:
-                for d in range(3):
-                    along += r[i, d] * w[d] / length
-            for d in range(3):
-                guess[d] = r[i, d] + (along * r[i, d] / length if length > 0.0 else 0.0)
-            _nearest_log_(principal[j], guess, r[j])
-            if length > MAX_EDGE_JUMP and _distance2_(r[j], guess) > MAX_EDGE_JUMP**2:
-                for d in range(3):
-                    r[j, d] = guess[d]
+            # Near a whole turn the turn is followed about the axis with which it was entered.
+            bridged[j] = j != root and _near_whole_turn_(principal[j], guess)
+            if bridged[j]:
+                r[j] = guess
+            else:
+                _nearest_log_(principal[j], guess, r[j])
             for k in range(indptr[j], indptr[j + 1]):
                 n = rings[k]
                 if not reached[n]:
                     _relative_(R[j], R[n], D, w)
-                    heapq.heappush(heap, (w[0] ** 2 + w[1] ** 2 + w[2] ** 2, j, n))
+                    heapq.heappush(heap, (w[0] ** 2 + w[1] ** 2 + w[2] ** 2, n))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _refine_(principal, indptr, rings, r, sweeps):
+def _ring_mean_(indptr, rings, r, i, mean):
+    count = indptr[i + 1] - indptr[i]
+    for d in range(3):
+        total = 0.0
+        for k in range(indptr[i], indptr[i + 1]):
+            total += r[rings[k], d]
+        mean[d] = total / count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _refine_(principal, indptr, rings, bridged, r, sweeps):
     """Coordinate descent on Σ_edges ‖r_i − r_j‖² over the turns of one vertex at a time."""
     mean = np.empty(3)
     best = np.empty(3)
     for _ in range(sweeps):
         changed = 0
         for i in range(len(r)):
-            count = indptr[i + 1] - indptr[i]
-            if count == 0:
-                _nearest_log_(principal[i], r[i], r[i])
+            if bridged[i] or indptr[i + 1] == indptr[i]:
                 continue
-            mean[:] = 0.0
-            for k in range(indptr[i], indptr[i + 1]):
-                for d in range(3):
-                    mean[d] += r[rings[k], d] / count
+            _ring_mean_(indptr, rings, r, i, mean)
             _nearest_log_(principal[i], mean, best)
             if _distance2_(best, r[i]) > 1e-12:
                 changed += 1
@@ -130,42 +172,50 @@ def _refine_(principal, indptr, rings, r, sweeps):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _bridge_(principal, indptr, rings, guide, r, bridged):
-    """Bridge the vertices where exact logarithms tear, widening until no edge jumps."""
-    origin = np.zeros(3)
-    for _ in range(200):
-        torn = 0
-        for i in range(len(r)):
-            # Only near a whole turn, not counting zero, does the logarithm itself tear.
-            if (
-                bridged[i]
-                or _distance2_(principal[i], origin) > (0.5 * math.pi) ** 2
-                or _distance2_(r[i], origin) < math.pi**2
-            ):
-                continue
-            for k in range(indptr[i], indptr[i + 1]):
-                j = rings[k]
-                if _distance2_(r[i], r[j]) > MAX_EDGE_JUMP**2:
-                    # Of the two ends the one nearer to a whole turn has the less certain axis.
-                    if not bridged[j] and _distance2_(principal[j], origin) < _distance2_(
-                        principal[i], origin
-                    ):
-                        continue
-                    bridged[i] = True
-                    r[i] = guide[i]
-                    torn += 1
-                    break
-        if torn == 0:
-            return
-        for _ in range(60):  # Gauss–Seidel for the harmonic interpolation
-            for i in range(len(r)):
-                if bridged[i]:
-                    count = indptr[i + 1] - indptr[i]
-                    for d in range(3):
-                        total = 0.0
-                        for k in range(indptr[i], indptr[i + 1]):
-                            total += r[rings[k], d]
-                        r[i, d] = total / count
+def _interpolate_(R, indptr, rings, bridged, r, sweeps):
+    """Fill the bridged vertices: each continues all its neighbours (Gauss–Seidel, both ways)."""
+    D = np.empty((3, 3))
+    w = np.empty(3)
+    guess = np.empty(3)
+    known = np.ones(len(r), dtype=np.bool_)
+    where = np.flatnonzero(bridged)
+    for _ in range(sweeps):
+        worst = 0.0
+        for n in range(2 * len(where)):
+            i = where[n] if n < len(where) else where[2 * len(where) - 1 - n]
+            _continue_(R, indptr, rings, known, r, i, D, w, guess)
+            worst = max(worst, _distance2_(guess, r[i]))
+            r[i] = guess
+        if worst < 1e-6:
+            break
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _release_(principal, bridged, r):
+    """Return bridged vertices to the exact logarithm where that is next to the interpolation."""
+    exact = np.empty(3)
+    for i in range(len(r)):
+        if bridged[i]:
+            _nearest_log_(principal[i], r[i], exact)
+            if _distance2_(exact, r[i]) < (0.25 * MAX_EDGE_JUMP) ** 2:
+                r[i] = exact
+                bridged[i] = False
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _mend_(indptr, rings, bridged, r):
+    """Bridge the ends of edges that still jump beyond a turn; true if there were any."""
+    torn = False
+    for i in range(len(r)):
+        length2 = r[i, 0] ** 2 + r[i, 1] ** 2 + r[i, 2] ** 2
+        if bridged[i] or length2 < (1.5 * math.pi) ** 2:
+            continue
+        for k in range(indptr[i], indptr[i + 1]):
+            if _distance2_(r[i], r[rings[k]]) > MAX_EDGE_JUMP**2:
+                bridged[i] = True
+                torn = True
+                break
+    return torn
 
 
 def continuous_logs(
@@ -185,10 +235,9 @@ def continuous_logs(
         its principal logarithm.
     """
     principal = rotation_to_log(R)
-    unbridged = np.zeros(len(R), dtype=bool)
     # Principal logarithms without a jump are already the answer (most shapes): no tree needed.
     if _largest_jump_(principal, indptr, rings) < MAX_EDGE_JUMP:
-        return principal, unbridged
+        return principal, np.zeros(len(R), dtype=bool)
     angle = np.linalg.norm(principal, axis=1)
     least = np.full(labels.max() + 1, np.inf)
     np.minimum.at(least, labels, angle)
@@ -196,9 +245,13 @@ def continuous_logs(
     roots = near[np.unique(labels[near], return_index=True)[1]]
     r = np.zeros_like(principal)
     r[roots] = principal[roots]
-    _grow_(R, principal, indptr, rings, roots, r, np.zeros(len(R), dtype=bool))
-    guide = r.copy()
-    _refine_(principal, indptr, rings, r, 50)
-    bridged = unbridged
-    _bridge_(principal, indptr, rings, guide, r, bridged)
+    bridged = np.zeros(len(R), dtype=bool)
+    _grow_(R, principal, indptr, rings, roots, r, bridged)
+    _interpolate_(R, indptr, rings, bridged, r, 30)
+    _release_(principal, bridged, r)
+    _refine_(principal, indptr, rings, bridged, r, 50)
+    for _ in range(20):
+        if not _mend_(indptr, rings, bridged, r):
+            break
+        _interpolate_(R, indptr, rings, bridged, r, 30)
     return r, bridged
