@@ -55,6 +55,23 @@ class Camera:
         return np.stack([width / 2 + xy[:, 0], height / 2 - xy[:, 1]], axis=1)
 
 
+def upright_axes(up: str = "y") -> NDArray[np.float64]:
+    """Unit rows (3, 3) of a shape that stands along `up`: its left, its up and its front.
+
+    Args:
+        up: "x", "y" or "z", with a minus in front if the axis points down.
+
+    Raises:
+        InputError: `up` is not an axis.
+    """
+    name = up.removeprefix("-").lower()
+    if name not in _UP:
+        raise InputError(f"up axis: got {up!r}, expected x, y, z, -x, -y or -z")
+    sky = np.asarray(_UP[name], dtype=np.float64) * (-1 if up.startswith("-") else 1)
+    front = np.asarray(_FRONT[name], dtype=np.float64)
+    return np.stack([np.cross(sky, front), sky, front])
+
+
 def aim(
     vertices: ArrayLike,
     *,
@@ -68,7 +85,7 @@ def aim(
 
     Args:
         vertices: (..., 3) points to keep in view; several shapes may be stacked.
-        up: axis that is up in the image: "x", "y" or "z", with a minus in front if it points down.
+        up: axis that is up in the image, as for `upright_axes`.
         azimuth: turn about the up axis, in degrees; 0 looks at the front, positive from its left.
         elevation: height of the eye above the horizon, in degrees.
         aspect: width of the image over its height.
@@ -77,11 +94,7 @@ def aim(
     Raises:
         InputError: `up` is not an axis.
     """
-    name = up.removeprefix("-").lower()
-    if name not in _UP:
-        raise InputError(f"up axis: got {up!r}, expected x, y, z, -x, -y or -z")
-    sky = np.asarray(_UP[name], dtype=np.float64) * (-1 if up.startswith("-") else 1)
-    front = np.asarray(_FRONT[name], dtype=np.float64)
+    _, sky, front = upright_axes(up)
     turn, rise = np.radians(azimuth), np.radians(elevation)
     around = np.cos(turn) * front + np.sin(turn) * np.cross(sky, front)
     backward = np.cos(rise) * around + np.sin(rise) * sky

@@ -1,0 +1,192 @@
+"""How the command line talks: results on stdout, all else on stderr, one line for a mistake."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+from typer.exceptions import TyperException
+
+INTERRUPTED = 130  # what a shell reports for Ctrl-C
+MISTAKE = 2
+
+err = Console(stderr=True, highlight=False)
+out = Console(highlight=False)
+
+
+def run(app: typer.Typer, arguments: list[str] | None = None) -> int:
+    """Run the application and return its exit status.
+
+    A user's mistake becomes one line on stderr and 2, Ctrl-C becomes 130. Any other exception is a
+    fault of the program and keeps its traceback.
+    """
+    given = sys.argv[1:] if arguments is None else arguments
+    given = given or ["--help"]
+    try:
+        status = app(args=given, prog_name="deformer", standalone_mode=False)
+    except (KeyboardInterrupt, typer.Abort):
+        print("deformer: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader of a pipe has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except Exception as error:
+        message = _users_mistake(error)
+        if message is None:
+            raise
+        print("deformer:", " ".join(message.split()), file=sys.stderr)
+        return MISTAKE
+    return status if isinstance(status, int) else 0
+
+
+def _users_mistake(error: Exception) -> str | None:
+    """Describe a mistake that the user can correct; None if `error` is anything else."""
+    if isinstance(error, TyperException):
+        context = getattr(error, "ctx", None)
+        remedy = f"; see {context.command_path} --help" if context else ""
+        return error.format_message().rstrip(".") + remedy
+    if isinstance(error, OSError):
+        return f"{error.filename or 'system'}: {error.strerror or error}"
+    from deformer import InputError  # imports PyTorch: too slow for `deformer --help`
+
+    return str(error) if isinstance(error, InputError) else None
+
+
+def note(message: str) -> None:
+    """Say something in passing, on stderr."""
+    err.print(message, soft_wrap=True, markup=False)
+
+
+def warn(message: str) -> None:
+    """Warn on stderr."""
+    err.print(f"[yellow]warning:[/] {_escaped(message)}", soft_wrap=True)
+
+
+def emit(data: Mapping[str, Any]) -> None:
+    """Print a result as one JSON object on stdout; a number that is not finite becomes null."""
+    print(json.dumps(plain(data), ensure_ascii=False, allow_nan=False))
+
+
+def plain(value: Any) -> Any:
+    """Turn arrays, numpy numbers, dataclasses, tuples and paths into what JSON knows."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, (bool, int, str)):
+        return value
+    return str(value)
+
+
+def show_table(title: str, columns: list[str], rows: list[list[str]]) -> None:
+    """Print a table on stdout; columns after the first are aligned to the right if numeric."""
+    table = Table()
+    for index, column in enumerate(columns):
+        numeric = bool(rows) and all(_is_number(row[index]) for row in rows)
+        table.add_column(column, justify="right" if numeric else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*(_escaped(cell) for cell in row))
+    out.print(f"[bold]{_escaped(title)}[/]", soft_wrap=True)
+    out.print(table)
+
+
+def show_facts(title: str, facts: Mapping[str, Any]) -> None:
+    """Print names and values on stdout."""
+    grid = Table.grid(padding=(0, 2))
+    grid.add_column(style="cyan")
+    grid.add_column(overflow="fold")
+    for name, value in facts.items():
+        grid.add_row(_escaped(name.replace("_", " ")), _escaped(brief(value)))
+    out.print(f"[bold]{_escaped(title)}[/]", soft_wrap=True)
+    out.print(grid)
+
+
+def brief(value: Any) -> str:
+    """Write a value in a few characters."""
+    value = plain(value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if value is None or value in ([], {}):
+        return "none"
+    if isinstance(value, list):
+        head = ", ".join(brief(item) for item in value[:8])
+        return f"{head}, … ({len(value)} in all)" if len(value) > 8 else head
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {brief(item)}" for key, item in value.items())
+    return str(value)
+
+
+@contextmanager
+def progress(label: str) -> Iterator[Callable[[int, int], None]]:
+    """Show a bar on stderr; call the yielded function with what is done and of how much."""
+    with Progress(
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), console=err,
+        transient=True, disable=not err.is_terminal,
+    ) as bar:  # fmt: skip
+        task = bar.add_task(label, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+@contextmanager
+def training_progress() -> Iterator[Callable[[Any], None]]:
+    """Show training on stderr: a live bar on a terminal, else a line for every tenth.
+
+    Call the yielded function with a progress event of `deformer.train`.
+    """
+    with Progress(
+        TextColumn("{task.description:9}"), BarColumn(), MofNCompleteColumn(),
+        TimeRemainingColumn(), TextColumn("{task.fields[terms]}"), console=err,
+        transient=True, disable=not err.is_terminal,
+    ) as bar:  # fmt: skip
+        tasks: dict[str, Any] = {}
+        tenths: dict[str, int] = {}
+
+        def report(event: Any) -> None:
+            stage, done, total = str(event.stage), int(event.done), max(int(event.total), 1)
+            terms = _terms(event) if stage == "training" else ""
+            if stage not in tasks:
+                tasks[stage] = bar.add_task(stage, total=total, terms=terms)
+            bar.update(tasks[stage], completed=done, total=total, terms=terms)
+            tenth = 10 * done // total
+            if not err.is_terminal and tenth > tenths.get(stage, 0):
+                tenths[stage] = tenth
+                note(f"{stage} {done}/{total}  {terms}".rstrip())
+
+        yield report
+
+
+def _terms(event: Any) -> str:
+    return (
+        f"loss {event.loss:.4g}  reconstruction {event.reconstruction:.4g}  "
+        f"sparsity {event.sparsity:.4g}  range {event.range:.4g}"
+    )
+
+
+def _escaped(text: str) -> str:
+    return text.replace("[", r"\[")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
