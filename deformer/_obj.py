@@ -10,6 +10,8 @@ from deformer._parsing import corner_indices, fan_triangles, positions
 from deformer.errors import InputError
 from deformer.mesh import FloatArray, IntArray
 
+_CONTINUED = re.compile(rb"^[ \t]*[vf](?=[ \t\\])(?:[^\n]*\\\r?\n)+", re.MULTILINE)
+
 
 class ObjReader:
     """Reads the files of one sequence; faces spelled as in the file before are not parsed again.
@@ -23,7 +25,6 @@ class ObjReader:
         """Start a sequence."""
         self._face_text = b""
         self._faces: IntArray | None = None
-        self._vertex_count = -1
 
     def __call__(self, data: bytes, name: str) -> tuple[FloatArray, IntArray]:
         """Positions (V, 3) and triangles (F, 3) of the file contents `data`.
@@ -44,24 +45,24 @@ class ObjReader:
         if (
             self._faces is None
             or face_text != self._face_text
-            or len(vertices) != self._vertex_count
             # A negative index counts back from the vertices read so far.
             or b"-" in face_text
         ):
             self._faces = _faces(face_lines, lines, text, len(vertices), name)
-            self._face_text, self._vertex_count = face_text, len(vertices)
+            self._face_text = face_text
         return vertices, self._faces
 
 
 def _normalised(data: bytes) -> bytes:
-    """Tabs, continuations and a byte order mark as spaces; every byte keeps its offset."""
+    """Tabs, continuations and a byte order mark as spaces, and every line end as a line feed."""
     if b"\n" not in data:
         data = data.replace(b"\r", b"\n")
     if data.startswith(b"\xef\xbb\xbf"):
-        data = b"   " + data[3:]
+        data = data[3:]
     if b"\\" in data:
+        # Only v and f statements go on: a comment or path may end in a backslash by chance.
         # \v stands for the swallowed line end, so that lines can still be counted.
-        data = re.sub(rb"\\(\r?)\n", lambda m: b" " * (1 + len(m[1])) + b"\v", data)
+        data = _CONTINUED.sub(lambda m: re.sub(rb"\\\r?\n", b" \v", m[0]), data)
     return data.replace(b"\t", b" ")
 
 

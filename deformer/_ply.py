@@ -215,13 +215,13 @@ def _walk(
     """Offset after the element's rows, read one at a time, and their lists of vertex indices."""
     polygons = []
     kinds = [
-        (p.name, np.dtype(order + p.type), p.count_type and np.dtype(order + p.count_type))
+        (p.name, np.dtype(order + p.type), np.dtype(order + p.count_type) if p.count_type else None)
         for p in element.properties
     ]
     for i in range(element.count):
         for prop, kind, count_kind in kinds:
             length = 1
-            if count_kind:
+            if count_kind is not None:
                 head = data[at : at + count_kind.itemsize]
                 length = -1
                 if len(head) == count_kind.itemsize:

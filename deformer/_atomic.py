@@ -1,0 +1,104 @@
+"""Whole-file reads, and writes that either finish or leave what was there before."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from deformer.errors import InputError
+
+PathLike = str | os.PathLike[str]
+
+
+def read_bytes(path: Path) -> bytes:
+    """Contents of a file that must not be empty; InputError where it cannot be read."""
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{path}: does not exist; check the path") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
+    if not data:
+        raise InputError(f"{path}: is empty, expected contents; export it again")
+    return data
+
+
+def _beside(target: Path) -> Path:
+    """A free name in the directory of `target`; hidden, so that no loader takes it for data."""
+    if not target.parent.is_dir():
+        raise InputError(f"{target}: directory {target.parent} does not exist; create it first")
+    if not os.access(target.parent, os.W_OK):
+        raise InputError(f"{target}: directory {target.parent} is not writable; choose another")
+    return target.parent / f".{target.stem}-{secrets.token_hex(4)}{target.suffix}"
+
+
+@contextmanager
+def atomic_path(path: PathLike) -> Iterator[Path]:
+    """Give a temporary file name beside `path`, and rename it to `path` when the block succeeds.
+
+    The temporary name has the suffix of `path`. When the block raises, the temporary file is
+    removed and an old file at `path` stays as it was.
+
+    Args:
+        path: the file to write; its directory must exist.
+
+    Raises:
+        InputError: the directory is missing or not writable, or `path` is a directory.
+    """
+    target = Path(path)
+    if target.is_dir():
+        raise InputError(f"{target}: is a directory, expected a file name; choose another name")
+    temporary = _beside(target)
+    try:
+        yield temporary
+        temporary.replace(target)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def atomic_directory(path: PathLike, replaceable: Callable[[Path], bool]) -> Iterator[Path]:
+    """Give a temporary directory beside `path`, and rename it to `path` when the block succeeds.
+
+    Args:
+        path: the directory to write; its parent must exist.
+        replaceable: whether an entry of an existing directory at `path` may be lost. The old
+            directory is replaced as a whole only if this holds for all its entries.
+
+    Raises:
+        InputError: the parent is missing or not writable, `path` is a file, or an existing
+            directory holds something else.
+    """
+    target = Path(path)
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{target}: is a file, expected a directory name; choose another name")
+    if target.is_dir():
+        foreign = sorted(entry.name for entry in target.iterdir() if not replaceable(entry))
+        if foreign:
+            raise InputError(
+                f"{target}: already holds {foreign[0]!r}, expected an empty directory or one "
+                "written by the same command; choose another directory or move that file away"
+            )
+    # Without a trailing separator or dots, so that the name has a parent to lie beside.
+    target = target.resolve()
+    temporary = _beside(target)
+    temporary.mkdir()
+    try:
+        yield temporary
+        if target.is_dir():
+            old = _beside(target)
+            target.rename(old)
+            try:
+                temporary.rename(target)
+            except OSError:
+                old.rename(target)
+                raise
+            shutil.rmtree(old)
+        else:
+            temporary.rename(target)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)

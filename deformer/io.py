@@ -1,0 +1,275 @@
+"""Read and write meshes, sequences of shapes, splits and handle files.
+
+Vertex count and order are the file's own, always: nothing is merged, split or sorted. OBJ, OFF, PLY
+and NPZ keep float64 exactly; GLB and STL hold float32 by their format; STL has no vertices at all,
+so corners at one place are welded (see `load_shapes`).
+"""
+
+from __future__ import annotations
+
+import lzma
+import re
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+from natsort import natsorted
+
+from deformer._atomic import PathLike, atomic_directory, atomic_path, read_bytes
+from deformer._glb import read_glb, write_glb
+from deformer._json_files import (
+    HandleFile,
+    HandleTarget,
+    load_handles,
+    load_split,
+    write_json,
+)
+from deformer._obj import ObjReader, write_obj
+from deformer._off import read_off, write_off
+from deformer._ply import read_ply, write_ply
+from deformer._stl import StlReader, write_stl
+from deformer.errors import InputError
+from deformer.mesh import FloatArray, IntArray, Mesh, MeshSequence
+
+__all__ = [
+    "MESH_SUFFIXES",
+    "HandleFile",
+    "HandleTarget",
+    "atomic_directory",
+    "atomic_path",
+    "load_handles",
+    "load_mesh",
+    "load_shapes",
+    "load_split",
+    "save_mesh",
+    "save_shapes",
+    "write_json",
+]
+
+_Reader = Callable[[bytes, str], tuple[FloatArray, IntArray]]
+
+# A reader serves the files of one sequence, so each is made anew.
+_READERS: dict[str, Callable[[], _Reader]] = {
+    ".obj": ObjReader,
+    ".ply": lambda: read_ply,
+    ".off": lambda: read_off,
+    ".stl": StlReader,
+    ".glb": lambda: read_glb,
+}
+_WRITERS: dict[str, Callable[[FloatArray, IntArray], bytes]] = {
+    ".obj": write_obj,
+    ".ply": write_ply,
+    ".off": write_off,
+    ".stl": write_stl,
+    ".glb": write_glb,
+}
+# What zipfile and its decompressors raise on damaged contents.
+_DAMAGED = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, RuntimeError)
+MESH_SUFFIXES = tuple(_READERS)
+_SUFFIX_LIST = ", ".join(MESH_SUFFIXES)
+_WRITTEN_NAME = re.compile(r"\d{4,}\.(obj|ply|off|stl|glb)")
+
+
+def load_shapes(path: PathLike, progress: Callable[[int, int], None] | None = None) -> MeshSequence:
+    """Load shapes that share one connectivity.
+
+    STL corners are welded where they coincide exactly in the first shape, and the same corners in
+    all shapes.
+
+    Args:
+        path: a directory of OBJ, PLY, OFF, STL or GLB files of one format, taken in natural order
+            of their names (2 before 10; other and hidden files are ignored); or one NPZ with
+            `vertices` (N, V, 3) or (V, 3) and `faces` (F, 3); or one mesh file.
+        progress: called with the number of files done and of all files.
+
+    Raises:
+        InputError: a file is missing, broken or of another kind, or differs from the first in
+            vertex count or faces.
+    """
+    source = Path(path)
+    if source.is_dir():
+        return _load_files(_shape_files(source), progress)
+    if source.suffix.lower() == ".npz":
+        shapes = _load_npz(source)
+        if progress:
+            progress(1, 1)
+        return shapes
+    return _load_files([source], progress)
+
+
+def load_mesh(path: PathLike) -> Mesh:
+    """Load one OBJ, PLY, OFF, STL or GLB file.
+
+    Args:
+        path: the file; its suffix tells the format.
+
+    Raises:
+        InputError: the file is missing, broken or of another kind.
+    """
+    return _load_files([Path(path)], None).mesh(0)
+
+
+def save_mesh(path: PathLike, mesh: Mesh) -> None:
+    """Write one mesh in the format of the suffix; an existing file is replaced at the end.
+
+    Args:
+        path: the file, named .obj, .ply, .off, .stl or .glb. STL and GLB round positions to
+            float32; STL also loses vertex numbers and vertices without a face.
+        mesh: what to write.
+
+    Raises:
+        InputError: an unknown suffix, or a directory that is missing or not writable.
+    """
+    target = Path(path)
+    writer = _WRITERS.get(target.suffix.lower())
+    if writer is None:
+        raise _unknown_suffix(target)
+    with atomic_path(target) as temporary:
+        temporary.write_bytes(writer(mesh.vertices, mesh.faces))
+
+
+def save_shapes(path: PathLike, shapes: MeshSequence, format: str = "ply") -> None:
+    """Write a sequence as one NPZ, or as a directory of files 0000, 0001, ….
+
+    Args:
+        path: a file named .npz, or a directory. An existing directory is replaced as a whole, if
+            it holds nothing but files that this function writes.
+        shapes: what to write.
+        format: "obj", "ply", "off", "stl" or "glb", for a directory; see `save_mesh` on precision.
+
+    Raises:
+        InputError: an unknown format, a directory with other contents, or a parent that is
+            missing or not writable.
+    """
+    target = Path(path)
+    if target.suffix.lower() == ".npz":
+        with atomic_path(target) as temporary, temporary.open("wb") as stream:
+            np.savez_compressed(stream, vertices=shapes.vertices, faces=shapes.faces)
+        return
+    if target.suffix.lower() in MESH_SUFFIXES:
+        raise InputError(
+            f"{target}: names one mesh file, expected a directory or .npz for {len(shapes)} shapes;"
+            " leave the suffix out"
+        )
+    suffix = f".{format.lower().removeprefix('.')}"
+    if suffix not in _WRITERS:
+        raise InputError(f"{target}: format {format!r}, expected one of {_SUFFIX_LIST}; choose one")
+    digits = max(4, len(str(len(shapes) - 1)))
+    with atomic_directory(target, lambda entry: bool(_WRITTEN_NAME.fullmatch(entry.name))) as work:
+        for i, vertices in enumerate(shapes.vertices):
+            content = _WRITERS[suffix](vertices, shapes.faces)
+            (work / f"{i:0{digits}d}{suffix}").write_bytes(content)
+
+
+def _shape_files(directory: Path) -> list[Path]:
+    files = [
+        entry
+        for entry in directory.iterdir()
+        if entry.suffix.lower() in MESH_SUFFIXES and not entry.name.startswith(".")
+        if entry.is_file()
+    ]
+    if not files:
+        raise InputError(
+            f"{directory}: no mesh files, expected {_SUFFIX_LIST}; check the path or put the "
+            "shapes there"
+        )
+    files = natsorted(files, key=lambda file: file.name)
+    first = files[0]
+    for file in files:
+        if file.suffix.lower() != first.suffix.lower():
+            raise InputError(
+                f"{directory}: holds {first.name} and {file.name}, expected one format; keep the "
+                "shapes in one format and move the others away"
+            )
+    return files
+
+
+def _load_files(files: list[Path], progress: Callable[[int, int], None] | None) -> MeshSequence:
+    first = files[0]
+    if first.suffix.lower() not in _READERS:
+        if not first.exists():
+            raise InputError(f"{first}: does not exist; check the path")
+        raise _unknown_suffix(first)
+    read = _READERS[first.suffix.lower()]()
+    shared: IntArray | None = None
+    all_vertices: FloatArray = np.empty((0, 0, 3))
+    for i, file in enumerate(files):
+        vertices, faces = read(read_bytes(file), str(file))
+        _check_finite(vertices, str(file))
+        if shared is None:
+            shared = faces
+            all_vertices = np.empty((len(files), *vertices.shape))
+        if len(vertices) != all_vertices.shape[1]:
+            raise InputError(
+                f"{file}: {len(vertices)} vertices, expected {all_vertices.shape[1]} as in "
+                f"{first.name}; export all shapes with one connectivity"
+            )
+        if faces is not shared and not np.array_equal(faces, shared):
+            _raise_other_faces(file, faces, first, shared)
+        all_vertices[i] = vertices
+        if progress:
+            progress(i + 1, len(files))
+    return MeshSequence(all_vertices, shared if shared is not None else np.empty((0, 3), int))
+
+
+def _raise_other_faces(file: Path, faces: IntArray, first: Path, shared: IntArray) -> NoReturn:
+    if len(faces) != len(shared):
+        difference = f"{len(faces)} triangles, expected {len(shared)}"
+    else:
+        i = int(np.flatnonzero((faces != shared).any(axis=1))[0])
+        difference = f"triangle {i} is {faces[i].tolist()}, expected {shared[i].tolist()}"
+    raise InputError(
+        f"{file}: {difference} as in {first.name}; export all shapes with one connectivity and "
+        "vertex order"
+    )
+
+
+def _check_finite(vertices: FloatArray, name: str) -> None:
+    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
+    if len(bad):
+        raise InputError(
+            f"{name}, vertex {bad[0]}: found {vertices[bad[0]].tolist()}, expected a finite "
+            "position; repair or remove it"
+        )
+
+
+def _unknown_suffix(path: Path) -> InputError:
+    return InputError(
+        f"{path}: suffix {path.suffix!r}, expected one of {_SUFFIX_LIST}; convert the file or "
+        "correct its name"
+    )
+
+
+def _load_npz(path: Path) -> MeshSequence:
+    read_bytes(path)
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            # Checksums first: a damaged array header could ask for any amount of memory.
+            damaged = archive.zip.testzip()
+            if damaged:
+                raise zipfile.BadZipFile(f"wrong checksum of {damaged}")
+            names = archive.files
+            arrays = {name: archive[name] for name in ("vertices", "faces") if name in names}
+    except _DAMAGED as error:
+        raise InputError(f"{path}: damaged archive ({error}); save or copy it again") from error
+    except (ValueError, AttributeError, TypeError, SyntaxError, EOFError, OSError) as error:
+        raise InputError(
+            f"{path}: not an NPZ file of plain number arrays ({str(error).splitlines()[0]}); save "
+            "it with numpy.savez(path, vertices=…, faces=…)"
+        ) from error
+    for name in ("vertices", "faces"):
+        if name not in arrays:
+            raise InputError(
+                f"{path}: holds arrays {names}, expected 'vertices' and 'faces'; add {name!r}"
+            )
+    vertices, faces = arrays["vertices"], arrays["faces"]
+    if vertices.dtype.kind not in "fiu":
+        raise InputError(f"{path}: vertices of type {vertices.dtype}, expected floats; cast them")
+    try:
+        return MeshSequence(vertices[None] if vertices.ndim == 2 else vertices, faces)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
