@@ -1,0 +1,38 @@
+"""Deformer: drag a few points of a mesh; a prior learned from example shapes moves the rest."""
+
+from deformer.autoencoder import ModelConfig
+from deformer.errors import InputError
+from deformer.features import FeatureExtractor, FeatureScaler, extract_features
+from deformer.geodesics import Geodesics, farthest_points
+from deformer.handles import Handle, HandleSolver, Pose
+from deformer.io import load_mesh, load_shapes, save_mesh, save_shapes
+from deformer.mesh import Mesh, MeshSequence
+from deformer.metrics import e_rms
+from deformer.model import DeformationModel, load_model, shipped_models, train
+from deformer.poisson import PoissonSystem, reconstruct
+
+__all__ = [
+    "DeformationModel",
+    "FeatureExtractor",
+    "FeatureScaler",
+    "Geodesics",
+    "Handle",
+    "HandleSolver",
+    "InputError",
+    "Mesh",
+    "MeshSequence",
+    "ModelConfig",
+    "PoissonSystem",
+    "Pose",
+    "e_rms",
+    "extract_features",
+    "farthest_points",
+    "load_mesh",
+    "load_model",
+    "load_shapes",
+    "reconstruct",
+    "save_mesh",
+    "save_shapes",
+    "shipped_models",
+    "train",
+]

@@ -172,11 +172,19 @@ def cotan_weights(mesh: Mesh) -> sparse.csr_array:
     keep = row != column
     row, column, value = row[keep], column[keep], value[keep]
     V = len(v)
-    # Summed by construction, not by adding matrices: that would drop edges whose sum is zero.
-    weights = sparse.csr_array(
-        (np.tile(value, 2), (np.append(row, column), np.append(column, row))), shape=(V, V)
+    # Each edge is summed once and mirrored: adding a matrix and its transpose would drop edges
+    # whose sum is zero, and round differently on the two sides.
+    pairs, edge = np.unique(
+        np.sort(np.column_stack([row, column]), axis=1), axis=0, return_inverse=True
     )
-    weights.sum_duplicates()
+    total = np.bincount(edge.ravel(), weights=value, minlength=len(pairs))
+    weights = sparse.csr_array(
+        (
+            np.tile(total, 2),
+            (np.append(pairs[:, 0], pairs[:, 1]), np.append(pairs[:, 1], pairs[:, 0])),
+        ),
+        shape=(V, V),
+    )
     weights.sort_indices()
     np.clip(weights.data, MIN_COTAN_WEIGHT, MAX_COTAN_WEIGHT, out=weights.data)
     return weights

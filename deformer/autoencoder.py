@@ -1,0 +1,211 @@
+"""The paper's network: graph convolutions, one tied linear map to the latent code, and back."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from deformer.errors import InputError
+from deformer.mesh import IntArray
+
+FEATURES = 9
+
+# torch (2.6 to 2.13) says so once a process at the first sparse product; products are settled.
+warnings.filterwarnings("ignore", message="Sparse CSR tensor support is in beta")
+
+
+@dataclass(frozen=True)
+class ModelConfig:
+    """Everything that decides what a training run gives, beside the shapes and the seed.
+
+    Args:
+        name: "paper", "default", or a name of one's own.
+        components: K, dimensions of the latent code.
+        layers: output width of each graph convolution of the encoder; the last is the paper's μ.
+        sparsity: λ₁, weight of Ω(C).
+        range_weight: λ₂, weight of V(Z).
+        range_limit: θ, the latent magnitude that V(Z) leaves free.
+        d_min, d_max: normalised geodesic distances between which Λ rises from 0 to 1.
+        learning_rate: of Adam.
+        epochs: full-batch steps.
+        mixed_shapes: shapes mixed from two examples, region by region, that are added to every
+            step; 0 trains on the examples alone (the paper).
+        align: remove each shape's rigid motion against the reference before anything else.
+    """
+
+    name: str = "default"
+    components: int = 50
+    layers: tuple[int, ...] = (9,)
+    sparsity: float = 0.5
+    range_weight: float = 0.5
+    range_limit: float = 5.0
+    d_min: float = 0.2
+    d_max: float = 0.4
+    learning_rate: float = 1e-3
+    epochs: int = 3000
+    mixed_shapes: int = 32
+    align: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        object.__setattr__(self, "layers", tuple(int(width) for width in self.layers))
+        if self.components < 1:
+            raise InputError(f"components: expected at least 1, got {self.components}")
+        if not self.layers or min(self.layers) < 1:
+            raise InputError(f"layers: expected positive widths, got {self.layers}")
+        if self.epochs < 1:
+            raise InputError(f"epochs: expected at least 1, got {self.epochs}")
+        if not 0 <= self.d_min < self.d_max:
+            raise InputError(f"d_min < d_max expected, got {self.d_min} and {self.d_max}")
+        for field in ("sparsity", "range_weight", "range_limit", "mixed_shapes"):
+            if getattr(self, field) < 0:
+                raise InputError(f"{field}: expected 0 or more, got {getattr(self, field)}")
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {**asdict(self), "layers": list(self.layers)}
+
+
+PRESETS: dict[str, ModelConfig] = {
+    "default": ModelConfig(),
+    "paper": ModelConfig(name="paper", mixed_shapes=0),
+}
+
+
+def resolve_config(config: str | ModelConfig, **changes: Any) -> ModelConfig:
+    """A preset by name, or a config, with `changes` that are not None applied."""
+    if isinstance(config, str):
+        if config not in PRESETS:
+            raise InputError(f"config: expected one of {', '.join(PRESETS)}, got {config!r}")
+        config = PRESETS[config]
+    return replace(config, **{k: v for k, v in changes.items() if v is not None})
+
+
+class MeanOverRing(nn.Module):
+    """Mean over the one-ring: x (V, …) to (V, …), 0 for a vertex without neighbours.
+
+    Args:
+        indptr, rings: one-rings in compressed rows, as `mesh.one_rings` gives them.
+    """
+
+    def __init__(self, indptr: IntArray, rings: IntArray) -> None:
+        """Store the sparse averaging matrix and its transpose."""
+        super().__init__()
+        degree = np.diff(indptr)
+        rows = np.repeat(np.arange(len(degree)), degree)
+        self.register_buffer("crow", torch.from_numpy(np.array(indptr)), persistent=False)
+        self.register_buffer("rows", torch.from_numpy(rows), persistent=False)
+        self.register_buffer("columns", torch.from_numpy(np.array(rings)), persistent=False)
+        inverse = torch.from_numpy((1.0 / np.maximum(degree, 1)).astype(np.float32))
+        self.register_buffer("inverse_degree", inverse, persistent=False)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Average the neighbours' rows."""
+        inverse = self.inverse_degree.to(x.dtype)
+        return _RingMean.apply(x, self.crow, self.rows, self.columns, inverse)
+
+
+def ring_sum(x: Tensor, crow: Tensor, rows: Tensor, columns: Tensor) -> Tensor:
+    """Sum over the ring, y_i = Σ_j x_j, of rows x (V, m)."""
+    if x.device.type == "mps":  # no sparse products there
+        return torch.zeros_like(x).index_add_(0, rows, x[columns])
+    ones = torch.ones(len(columns), dtype=x.dtype, device=x.device)
+    size = (len(x), len(x))
+    return torch.sparse_csr_tensor(crow, columns, ones, size, check_invariants=False) @ x
+
+
+class _RingMean(torch.autograd.Function):
+    """D⁻¹ A x with gradient A D⁻¹ g; A is symmetric, so one product serves both ways."""
+
+    @staticmethod
+    def forward(ctx: Any, x: Tensor, *graph: Tensor) -> Tensor:
+        ctx.save_for_backward(*graph)
+        crow, rows, columns, inverse = graph
+        flat = x.reshape(len(x), -1)
+        return (inverse[:, None] * ring_sum(flat, crow, rows, columns)).reshape(x.shape)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        crow, rows, columns, inverse = ctx.saved_tensors
+        flat = inverse[:, None] * gradients[0].reshape(len(gradients[0]), -1)
+        total = ring_sum(flat, crow, rows, columns).reshape(gradients[0].shape)
+        return total, None, None, None, None
+
+
+class GraphConv(nn.Module):
+    """Graph convolution y_i = W_point x_i + W_neighbour mean_{j∈N(i)} x_j + b (the paper, eq. 1).
+
+    Args:
+        inputs: d, width of x.
+        outputs: d', width of y.
+    """
+
+    def __init__(self, inputs: int, outputs: int) -> None:
+        """Initialise as linear layers are (Glorot)."""
+        super().__init__()
+        self.point = nn.Parameter(torch.empty(outputs, inputs))
+        self.neighbour = nn.Parameter(torch.empty(outputs, inputs))
+        self.bias = nn.Parameter(torch.zeros(outputs))
+        self.bias_back = nn.Parameter(torch.zeros(inputs))
+        nn.init.xavier_uniform_(self.point)
+        nn.init.xavier_uniform_(self.neighbour)
+
+    def forward(self, x: Tensor, mean: Tensor) -> Tensor:
+        """Encoder direction; x and its ring mean (…, d) to (…, d')."""
+        return x @ self.point.T + mean @ self.neighbour.T + self.bias
+
+    def back(self, y: Tensor, mean: Tensor) -> Tensor:
+        """Decoder direction with transposed weights; (…, d') to (…, d)."""
+        return y @ self.point + mean @ self.neighbour + self.bias_back
+
+
+class MeshAutoencoder(nn.Module):
+    """The autoencoder of scaled features; z = C f, f̂ = Cᵀ z with weights tied throughout.
+
+    tanh follows every convolution but the encoder's last when there are several. Arrays run
+    vertex first, (V, N, ·), so that the ring mean is one sparse product.
+
+    Args:
+        indptr, rings: one-rings of the mesh.
+        components: K.
+        layers: widths of the encoder's convolutions.
+    """
+
+    def __init__(
+        self, indptr: IntArray, rings: IntArray, components: int, layers: tuple[int, ...]
+    ) -> None:
+        """Initialise C so that latent codes start at the size of the features."""
+        super().__init__()
+        V = len(indptr) - 1
+        self.mean = MeanOverRing(indptr, rings)
+        widths = [FEATURES, *layers]
+        self.convs = nn.ModuleList(GraphConv(a, b) for a, b in pairwise(widths))
+        self.C = nn.Parameter(torch.randn(V, widths[-1], components) / (V * widths[-1]) ** 0.5)
+
+    def encode(self, x: Tensor, mean: Tensor | None = None) -> Tensor:
+        """Latent codes z (N, K) of scaled features x (V, N, 9); `mean` is their ring mean."""
+        for depth, conv in enumerate(self.convs):
+            x = conv(x, self.mean(x) if depth or mean is None else mean)
+            if depth < len(self.convs) - 1 or len(self.convs) == 1:
+                x = torch.tanh(x)
+        V, N, width = x.shape
+        return x.transpose(0, 1).reshape(N, V * width) @ self.C.reshape(V * width, -1)
+
+    def decode(self, z: Tensor) -> Tensor:
+        """Scaled features (V, N, 9) of latent codes z (N, K)."""
+        V, width, K = self.C.shape
+        x = (self.C.reshape(V * width, K) @ z.T).reshape(V, width, len(z)).transpose(1, 2)
+        for conv in reversed(self.convs):
+            x = torch.tanh(conv.back(x, self.mean(x)))
+        return x
+
+    def forward(self, x: Tensor, mean: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Reconstruction (V, N, 9) and latent codes (N, K) of scaled features x (V, N, 9)."""
+        z = self.encode(x, mean)
+        return self.decode(z), z

@@ -1,0 +1,432 @@
+"""DeformationModel: a trained prior with everything needed to use it, in memory and on disk."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+
+from deformer._atomic import atomic_directory
+from deformer.autoencoder import MeshAutoencoder, ModelConfig, resolve_config
+from deformer.decoder import Decoder
+from deformer.differentials import gradient_tangents
+from deformer.errors import InputError
+from deformer.features import FeatureExtractor, FeatureScaler, extract_all
+from deformer.geodesics import Geodesics
+from deformer.io import load_mesh, save_mesh, write_json
+from deformer.latent import LatentPrior, fit_prior
+from deformer.mesh import FloatArray, Mesh, MeshSequence, connectivity_hash
+from deformer.metrics import e_rms
+from deformer.poisson import PoissonSystem
+from deformer.rotations import procrustes
+from deformer.training import ProgressCallback, TrainingProgress, fit
+
+FORMAT_VERSION = 1
+_FILES = ("model.json", "reference.ply", "weights.safetensors")
+
+# Latent components whose tangents are solved at once in `DeformationModel.fit`: bounds memory.
+_TANGENT_BATCH = 10
+
+
+@dataclass(frozen=True, eq=False)
+class DeformationModel:
+    """A deformation prior learned from example shapes.
+
+    Args:
+        reference: the undeformed mesh; all shapes share its connectivity.
+        config: what it was trained with.
+        scaler: linear feature scaling.
+        network: the trained autoencoder, on the CPU.
+        codes: (N, K) latent codes of the training shapes.
+        prior: mean and full covariance of the codes.
+        split: {"train": indices, "test": indices} into the shapes it was trained from.
+        summary: facts about the training, for people (JSON values).
+    """
+
+    reference: Mesh
+    config: ModelConfig
+    scaler: FeatureScaler
+    network: MeshAutoencoder
+    codes: FloatArray
+    prior: LatentPrior
+    split: dict[str, list[int]]
+    summary: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def components(self) -> int:
+        """Dimensions K of the latent code."""
+        return self.config.components
+
+    @property
+    def latent_mean(self) -> FloatArray:
+        """Mean (K,) of the training codes."""
+        return self.prior.mean
+
+    @property
+    def latent_covariance(self) -> FloatArray:
+        """Shrunk covariance (K, K) of the training codes."""
+        return self.prior.covariance
+
+    @cached_property
+    def extractor(self) -> FeatureExtractor:
+        """Feature extraction against the reference."""
+        return FeatureExtractor(self.reference)
+
+    @cached_property
+    def poisson(self) -> PoissonSystem:
+        """The factored Poisson system of the reference."""
+        return PoissonSystem(self.reference)
+
+    @cached_property
+    def geodesics(self) -> Geodesics:
+        """Geodesic distances over the reference."""
+        return Geodesics(self.reference)
+
+    @cached_property
+    def decoder(self) -> Decoder:
+        """The decoder as float64 arrays."""
+        mean = self.network.mean
+        return Decoder(self.network, self.scaler, mean.crow.numpy(), mean.columns.numpy())
+
+    def encode(self, vertices: ArrayLike) -> FloatArray:
+        """Latent codes of shapes: (V, 3) to (K,), or (N, V, 3) to (N, K).
+
+        A model trained on aligned shapes first removes each shape's rigid motion against the
+        reference.
+        """
+        shapes, single = self._checked(vertices)
+        if self.config.align:
+            shapes = align(shapes, self.reference.vertices)
+        x = self.scaler.scale(extract_all(self.extractor, shapes))
+        codes = encode_features(self.network, x)
+        return codes[0] if single else codes
+
+    def decode(self, z: ArrayLike) -> FloatArray:
+        """Shapes of latent codes: (K,) to (V, 3), or (N, K) to (N, V, 3), centred."""
+        codes = np.asarray(z, dtype=np.float64)
+        if codes.ndim not in (1, 2) or codes.shape[-1] != self.components:
+            raise InputError(
+                f"z: expected ({self.components},) or (N, {self.components}), got {codes.shape}"
+            )
+        flat = codes.reshape(-1, self.components)
+        p = np.stack([self.poisson.reconstruct(self.decoder.features(row)) for row in flat])
+        return p[0] if codes.ndim == 1 else p
+
+    def fit(self, vertices: ArrayLike, iterations: int = 20) -> FloatArray:
+        """Latent codes whose decoded shapes are closest to the given ones.
+
+        Minimises Σ_i ‖p_i(z) − q_i‖² over all vertices, centroids aligned, by damped
+        Gauss–Newton from the encoder's code, with a faint pull to the prior for components that
+        the shape does not determine.
+
+        Args:
+            vertices: (V, 3) or (N, V, 3).
+            iterations: at most this many steps a shape.
+
+        Returns:
+            (K,) or (N, K).
+        """
+        shapes, single = self._checked(vertices)
+        if self.config.align:
+            shapes = align(shapes, self.reference.vertices)
+        codes = np.stack(
+            [
+                self._fit_one(shape, z, iterations)
+                for shape, z in zip(shapes, self.encode(shapes), strict=True)
+            ]
+        )
+        return codes[0] if single else codes
+
+    def _fit_one(self, target: FloatArray, z: FloatArray, iterations: int) -> FloatArray:
+        goal = target - target.mean(axis=0) + self.poisson.centroid
+        precision = np.linalg.inv(self.prior.covariance)
+        # One thousandth of the bounding diagonal of residual a vertex weighs as much as one
+        # standard deviation of the prior weighs in all.
+        pull = (1e-3 * self.reference.bounding_diagonal) ** 2 * precision
+
+        def energy(z: FloatArray) -> tuple[float, FloatArray]:
+            residual = self.decode(z) - goal
+            away = z - self.prior.mean
+            return float((residual**2).sum() + away @ pull @ away), residual
+
+        value, residual = energy(z)
+        damping = 1e-4
+        for _ in range(iterations):
+            J = self._tangents(z)
+            H = J @ J.T + pull
+            gradient = J @ residual.ravel() + pull @ (z - self.prior.mean)
+            while damping < 1e6:
+                step = np.linalg.solve(H + damping * np.diag(np.diag(H)), -gradient)
+                new_value, new_residual = energy(z + step)
+                if new_value < value:
+                    break
+                damping *= 10.0
+            else:
+                return z
+            gain = (value - new_value) / value
+            z, value, residual = z + step, new_value, new_residual
+            damping = max(damping / 10.0, 1e-8)
+            if gain < 1e-5:
+                break
+        return z
+
+    def _tangents(self, z: FloatArray) -> FloatArray:
+        """Derivative (K, 3V) of the decoded positions, centroid fixed."""
+        q, dq = self.decoder.differential(z)
+        rows = []
+        for start in range(0, len(dq), _TANGENT_BATCH):
+            dT = gradient_tangents(q, dq[start : start + _TANGENT_BATCH])
+            b = np.concatenate([self.poisson.rhs(t) for t in dT], axis=1)
+            x = self.poisson.back_substitute(b)
+            x -= x.mean(axis=0)
+            rows.append(x.reshape(len(x), -1, 3).transpose(1, 0, 2).reshape(len(dT), -1))
+        return np.concatenate(rows)
+
+    def _checked(self, vertices: ArrayLike) -> tuple[FloatArray, bool]:
+        shapes = np.asarray(vertices, dtype=np.float64)
+        single = shapes.ndim == 2
+        if single:
+            shapes = shapes[None]
+        V = len(self.reference.vertices)
+        if shapes.ndim != 3 or shapes.shape[1:] != (V, 3):
+            raise InputError(
+                f"vertices: expected ({V}, 3) or (N, {V}, 3) as the model's reference has, got "
+                f"{np.asarray(vertices).shape}"
+            )
+        if not np.isfinite(shapes).all():
+            raise InputError("vertices: not all positions are finite; repair the shape")
+        return shapes, single
+
+    def save(self, path: str | Path) -> None:
+        """Write the model as a directory; an older model there is replaced, anything else is not.
+
+        Raises:
+            InputError: the directory holds other files, or its parent does not exist.
+        """
+        with atomic_directory(path, lambda entry: entry.name in (*_FILES, "README.md")) as folder:
+            save_mesh(folder / "reference.ply", self.reference)
+            tensors = {f"network.{k}": v for k, v in self.network.state_dict().items()}
+            tensors["codes"] = torch.from_numpy(np.ascontiguousarray(self.codes))
+            tensors["latent_mean"] = torch.from_numpy(np.ascontiguousarray(self.prior.mean))
+            tensors["latent_covariance"] = torch.from_numpy(
+                np.ascontiguousarray(self.prior.covariance)
+            )
+            save_file({k: v.contiguous() for k, v in tensors.items()}, folder / _FILES[2])
+            V = len(self.reference.vertices)
+            scaler = self.scaler
+            write_json(
+                folder / "model.json",
+                {
+                    "format": FORMAT_VERSION,
+                    "connectivity": connectivity_hash(self.reference.faces, V),
+                    "vertices": V,
+                    "faces": len(self.reference.faces),
+                    "config": self.config.as_dict(),
+                    "scaler": {
+                        "r": [scaler.r_min, scaler.r_max],
+                        "s": [scaler.s_min, scaler.s_max],
+                    },
+                    "split": self.split,
+                    "summary": self.summary,
+                    "sha256": {name: _digest(folder / name) for name in _FILES[1:]},
+                },
+            )
+
+
+def encode_features(network: MeshAutoencoder, x: FloatArray) -> FloatArray:
+    """Latent codes (N, K) of scaled features (N, V, 9)."""
+    with torch.no_grad():
+        batch = torch.as_tensor(np.swapaxes(x, 0, 1), dtype=torch.float32)
+        return network.encode(batch.contiguous()).double().numpy()
+
+
+def align(vertices: FloatArray, target: FloatArray) -> FloatArray:
+    """Shapes (N, V, 3), each moved rigidly to lie as close as possible to `target` (V, 3)."""
+    moved = np.empty_like(vertices)
+    for n, shape in enumerate(vertices):
+        R, t = procrustes(shape, target)
+        moved[n] = shape @ R.T + t
+    return moved
+
+
+def train(
+    shapes: MeshSequence,
+    components: int | None = None,
+    *,
+    config: str | ModelConfig = "default",
+    epochs: int | None = None,
+    align_shapes: bool | None = None,
+    split: dict[str, list[int]] | None = None,
+    reference: int | None = None,
+    seed: int = 0,
+    device: str = "auto",
+    checkpoint: str | Path | None = None,
+    resume: bool = False,
+    on_progress: ProgressCallback | None = None,
+) -> DeformationModel:
+    """Learn a deformation prior from example shapes.
+
+    Args:
+        shapes: N shapes with one connectivity.
+        components: K, dimensions of the latent code; None keeps the config's.
+        config: "default", "paper" or a ModelConfig.
+        epochs: training steps; None keeps the config's.
+        align_shapes: remove each shape's rigid motion first; None keeps the config's.
+        split: {"train": [...], "test": [...]}; only "train" is looked at. None trains on all.
+        reference: index of the undeformed shape; None is shape 0, or the first training shape
+            where 0 is not one of them.
+        seed: of weights and mixed shapes.
+        device: "cpu", "cuda", "mps" or "auto".
+        checkpoint: folder for checkpoints, or None.
+        resume: continue from `checkpoint`.
+        on_progress: called during feature extraction and after every epoch.
+
+    Returns:
+        The model. After KeyboardInterrupt it is the best so far, and summary["interrupted"] is
+        True.
+
+    Raises:
+        InputError: too few shapes, a bad split, config, device or checkpoint.
+    """
+    settings = resolve_config(config, components=components, epochs=epochs, align=align_shapes)
+    split = split or {"train": list(range(len(shapes))), "test": []}
+    if len(split["train"]) < 2:
+        raise InputError(
+            f"train needs at least 2 training shapes, got {len(split['train'])}; add examples"
+        )
+    if reference is None:
+        reference = 0 if 0 in split["train"] else split["train"][0]
+    base = shapes.mesh(reference)
+    chosen = shapes.subset(split["train"]).vertices
+    if settings.align:
+        chosen = align(chosen, base.vertices)
+    extractor = FeatureExtractor(base)
+
+    def on_features(done: int, total: int) -> None:
+        if on_progress is not None:
+            on_progress(TrainingProgress("features", done, total))
+
+    q = extract_all(extractor, chosen, on_features)
+    scaler = FeatureScaler.fit(q)
+    x = scaler.scale(q)
+    del q
+    result = fit(
+        x,
+        extractor.indptr,
+        extractor.rings,
+        Geodesics(base),
+        settings,
+        seed=seed,
+        device=device,
+        checkpoint=Path(checkpoint) if checkpoint is not None else None,
+        resume=resume,
+        on_progress=on_progress,
+    )
+    codes = encode_features(result.network, x)
+    summary = {
+        "shapes": len(shapes),
+        "train": len(split["train"]),
+        "test": len(split["test"]),
+        "reference": reference,
+        "seed": seed,
+        "epochs": result.epochs,
+        "interrupted": result.interrupted,
+        "seconds": round(result.seconds, 1),
+        "loss": result.loss,
+        "reconstruction_loss": result.reconstruction,
+    }
+    model = DeformationModel(
+        base, settings, scaler, result.network, codes, fit_prior(codes), split, summary
+    )
+    summary["train_e_rms"] = e_rms(chosen, model.decode(codes))
+    if split["test"]:
+        test = shapes.subset(split["test"]).vertices
+        if settings.align:
+            test = align(test, base.vertices)
+        summary["test_e_rms"] = e_rms(test, model.decode(model.encode(test)))
+    return model
+
+
+def shipped_models() -> list[str]:
+    """Names of the models that come with the package."""
+    root = resources.files("deformer_models")
+    return sorted(entry.name for entry in root.iterdir() if entry.joinpath("model.json").is_file())
+
+
+def load_model(path: str | Path) -> DeformationModel:
+    """Read a model from its directory, or a shipped model by its name.
+
+    Raises:
+        InputError: no such model, a missing or altered file, another format version, or a
+            reference mesh that does not match the weights.
+    """
+    folder = Path(path)
+    if not folder.is_dir() and len(folder.parts) == 1 and folder.name in shipped_models():
+        # Installed packages are directories: every shipped file has a real path.
+        folder = Path(str(resources.files("deformer_models").joinpath(folder.name)))
+    if not folder.is_dir():
+        raise InputError(
+            f"{path}: no such model; give a model directory, or one of the shipped models: "
+            f"{', '.join(shipped_models()) or 'none'}"
+        )
+    for name in _FILES:
+        if not (folder / name).is_file():
+            raise InputError(
+                f"{folder / name}: missing, a model has {', '.join(_FILES)}; save it again"
+            )
+    try:
+        data = json.loads((folder / "model.json").read_text(encoding="utf-8"))
+        version = data["format"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{folder / 'model.json'}: not a model description ({error})") from error
+    if version != FORMAT_VERSION:
+        raise InputError(
+            f"{folder / 'model.json'}: format version {version}, expected {FORMAT_VERSION}; "
+            "retrain, or use the release that wrote it"
+        )
+    for name, digest in data["sha256"].items():
+        if _digest(folder / name) != digest:
+            raise InputError(
+                f"{folder / name}: altered since the model was saved (checksum differs); "
+                "restore the file or retrain"
+            )
+    mesh = load_mesh(folder / "reference.ply")
+    if connectivity_hash(mesh.faces, len(mesh.vertices)) != data["connectivity"]:
+        raise InputError(
+            f"{folder / 'reference.ply'}: its connectivity is not the model's; restore the file"
+        )
+    try:
+        tensors = load_file(folder / "weights.safetensors")
+    except SafetensorError as error:
+        raise InputError(f"{folder / 'weights.safetensors'}: unreadable ({error})") from error
+    config = ModelConfig(**data["config"])
+    extractor = FeatureExtractor(mesh)
+    network = MeshAutoencoder(extractor.indptr, extractor.rings, config.components, config.layers)
+    network.load_state_dict(
+        {k.removeprefix("network."): v for k, v in tensors.items() if k.startswith("network.")}
+    )
+    model = DeformationModel(
+        mesh,
+        config,
+        FeatureScaler(*data["scaler"]["r"], *data["scaler"]["s"]),
+        network.eval(),
+        tensors["codes"].numpy(),
+        LatentPrior(tensors["latent_mean"].numpy(), tensors["latent_covariance"].numpy()),
+        data["split"],
+        data["summary"],
+    )
+    return model
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
