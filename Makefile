@@ -8,8 +8,9 @@ BIN := .venv/bin
 demo: .venv/run.stamp
 	$(BIN)/deformer demo
 
+# Threads that spin while they wait would take the cores from the other workers.
 test: .venv/test.stamp
-	$(BIN)/pytest -n $(WORKERS)
+	OMP_WAIT_POLICY=PASSIVE $(BIN)/pytest -n $(WORKERS)
 
 lint: .venv/test.stamp
 	$(BIN)/ruff check

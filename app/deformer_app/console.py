@@ -157,7 +157,7 @@ def training_progress() -> Iterator[Callable[[Any], None]]:
         transient=True, disable=not err.is_terminal,
     ) as bar:  # fmt: skip
         tasks: dict[str, Any] = {}
-        tenths: dict[str, int] = {}
+        tenths: dict[str, int] = {}  # the last one told of each stage; 0 is its first event
 
         def report(event: Any) -> None:
             stage, done, total = str(event.stage), int(event.done), max(int(event.total), 1)
@@ -166,7 +166,7 @@ def training_progress() -> Iterator[Callable[[Any], None]]:
                 tasks[stage] = bar.add_task(stage, total=total, terms=terms)
             bar.update(tasks[stage], completed=done, total=total, terms=terms)
             tenth = 10 * done // total
-            if not err.is_terminal and tenth > tenths.get(stage, 0):
+            if not err.is_terminal and tenth > tenths.get(stage, -1):
                 tenths[stage] = tenth
                 note(f"{stage} {done}/{total}  {terms}".rstrip())
 
