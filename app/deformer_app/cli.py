@@ -232,10 +232,11 @@ def fit(
 ) -> None:
     """Pose a model by handles: where a few of its vertices should be."""
     import deformer
+    from deformer import io
     from deformer_app import fitting
 
     loaded = deformer.load_model(model)
-    file = deformer.io.load_handles(handles, len(loaded.reference.vertices))
+    file = io.load_handles(handles, len(loaded.reference.vertices))
     fitting.check_output(output, file.is_sequence)
     with console.progress("fitting") as report:
         poses = fitting.solve_frames(loaded, file, hard, report)

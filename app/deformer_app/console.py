@@ -79,12 +79,12 @@ def emit(data: Mapping[str, Any]) -> None:
 
 def plain(value: Any) -> Any:
     """Turn arrays, numpy numbers, dataclasses, tuples and paths into what JSON knows."""
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
-    if hasattr(value, "tolist"):
-        return plain(value.tolist())
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
     if isinstance(value, float):

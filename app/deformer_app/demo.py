@@ -26,7 +26,7 @@ from deformer_app.pictures import (
 if TYPE_CHECKING:
     from deformer import DeformationModel
 
-REACH_STEPS = 60  # mouse moves that raise the hand
+REACH_STEPS = 60  # mouse moves that raise the wrist
 CROUCH_STEPS = 40  # mouse moves that push the head down
 TILE = (420, 520)  # pixels of a picture on the sheet
 FRAME = (360, 440)  # pixels of the animation
@@ -34,6 +34,7 @@ FRAME_STRIDE = 2  # mouse moves a picture of the animation
 
 # The figure is measured in its own height. Shoulders sit at 0.1 from the middle and 0.82 up.
 SHOULDER_SIDE, SHOULDER_DROP = 0.10, 0.18
+WRIST = 0.76  # where the wrist is on the way from the shoulder to the fingertips
 RAISED = np.radians(80)  # elevation of the arm at the end of the reach
 CROUCH = 0.16  # how far the head goes down
 
@@ -66,9 +67,10 @@ class Take:
 
 
 def record(reference: Mesh, up: str = "y") -> Drag:
-    """Lay out the drag on any upright figure: feet pinned, a hand raised, the head pushed down.
+    """Lay out the drag on any upright figure: feet pinned, a wrist raised, the head pushed down.
 
-    The handles are the figure's outermost vertices, so that no vertex numbers need to be known.
+    The handles are found from the figure's outermost vertices, so that no vertex numbers need to
+    be known.
 
     Args:
         reference: the figure, standing.
@@ -79,10 +81,14 @@ def record(reference: Mesh, up: str = "y") -> Drag:
     left, height, _ = local.T
     size = float(np.ptp(height))
     middle = (left.min() + left.max()) / 2
+    # The arm turns about the shoulder in the plane of left and up.
+    shoulder = np.array([middle + SHOULDER_SIDE * size, height.max() - SHOULDER_DROP * size])
+    fingertip = local[np.argmax(left), :2]
+    wrist = shoulder + WRIST * (fingertip - shoulder)
     candidates = {
         "left foot": np.argmax(0.5 * left - height),
         "right foot": np.argmax(-0.5 * left - height),
-        "left hand": np.argmax(left),
+        "left wrist": np.argmin(((local[:, :2] - wrist) ** 2).sum(axis=1)),
         "head": np.argmax(height - 0.2 * np.abs(left - middle)),
     }
     handles: dict[int, str] = {}
@@ -90,16 +96,14 @@ def record(reference: Mesh, up: str = "y") -> Drag:
         handles.setdefault(int(vertex), name)  # a pole has no two feet
     names, vertices = tuple(handles.values()), tuple(handles)
 
-    # The hand turns about the shoulder in the plane of left and up.
-    shoulder = np.array([middle + SHOULDER_SIDE * size, height.max() - SHOULDER_DROP * size])
-    hand = local[candidates["left hand"]]
+    hand = local[candidates["left wrist"]]
     arm = hand[:2] - shoulder
     length, start = np.sqrt((arm**2).sum()), np.arctan2(arm[1], arm[0])
     moves = []
     for step in _eased(REACH_STEPS):
         angle = start + step * (RAISED - start)
         target = [*(shoulder + length * np.array([np.cos(angle), np.sin(angle)])), hand[2]]
-        moves.append((vertices.index(int(candidates["left hand"])), target @ axes))
+        moves.append((vertices.index(int(candidates["left wrist"])), target @ axes))
     head = local[candidates["head"]]
     for step in _eased(CROUCH_STEPS):
         target = head - [0, step * CROUCH * size, 0]
@@ -240,8 +244,8 @@ def _sheet(reference: Mesh, drag: Drag, takes: list[Take], up: str) -> Any:
     raised = min(REACH_STEPS, len(takes) - 1)
     chosen = {
         "Handles": 0,
-        "Hand halfway": raised // 2,
-        "Hand raised": raised,
+        "Wrist halfway": raised // 2,
+        "Wrist raised": raised,
         "Head halfway": (raised + len(takes) - 1) // 2,
         "Head down": len(takes) - 1,
     }

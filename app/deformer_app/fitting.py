@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 import deformer
 from deformer import io
 
@@ -58,7 +60,7 @@ def solve_frames(
 def save(path: Path, faces: NDArray, poses: Sequence[Pose], is_sequence: bool) -> None:
     """Write one pose as a mesh, or a sequence as NPZ or as a directory."""
     if is_sequence:
-        vertices = [pose.vertices for pose in poses]
+        vertices = np.stack([pose.vertices for pose in poses])
         io.save_shapes(path, deformer.MeshSequence(vertices, faces))
     else:
         io.save_mesh(path, deformer.Mesh(poses[0].vertices, faces))

@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pyvista as pv
@@ -229,13 +230,14 @@ def _add_layer(plotter: pv.Plotter, layer: Layer) -> None:
     coloured = layer.scalars is not None
     if coloured:
         surface.point_data["value"] = np.asarray(layer.scalars, dtype=np.float64)
-    surface = surface.compute_normals(
+    shaded = surface.compute_normals(
         cell_normals=False,
         split_vertices=True,
         feature_angle=FEATURE_ANGLE,
         consistent_normals=False,
         auto_orient_normals=False,
     )
+    surface = cast(pv.PolyData, shaded)
     look = {
         "smooth_shading": True,
         "opacity": layer.opacity,
