@@ -79,7 +79,7 @@ class Decoder:
             spread = g @ neighbour.T
             g = g @ point.T + np.stack([self._mean.T @ s for s in spread])
         g = g * (1.0 - outputs[0] ** 2)
-        return g.reshape(len(g), -1) @ self.matrix
+        return g.reshape(len(g), self.matrix.shape[0]) @ self.matrix
 
 
 def _arrays(conv: GraphConv) -> tuple[FloatArray, FloatArray, FloatArray]:
