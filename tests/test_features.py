@@ -268,6 +268,7 @@ def test_wrong_shapes_are_refused():
         features_to_gradients(np.zeros((4, 8)))
 
 
+@settings(deadline=None)
 @given(st.integers(0, 1000), st.floats(-100, 100), st.floats(1e-3, 1e3))
 def test_scaler_maps_the_range_to_its_limits_and_back(seed, shift, spread):
     q = shift + spread * np.random.default_rng(seed).normal(size=(3, 5, 9))
