@@ -3,9 +3,12 @@
 Tubes and strips lie along x, so that bends and twists along x are easy to write down.
 """
 
+from functools import cache
+
 import numpy as np
 
 from deformer.mesh import Mesh, MeshSequence
+from deformer.model import DeformationModel, train
 from deformer.rotations import log_to_rotation
 
 
@@ -143,3 +146,9 @@ def sequence(count=12, around=8, rings=15):
     phase = 2 * np.pi * np.arange(count) / count
     poses = [bend(twist(base.vertices, 0.8 * np.sin(2 * p)), 1.2 * np.sin(p)) for p in phase]
     return MeshSequence(np.stack(poses), base.faces)
+
+
+@cache
+def small_model() -> DeformationModel:
+    """A model of `sequence()` with 6 components, trained once for all tests (seconds)."""
+    return train(sequence(), 6, epochs=600, device="cpu")

@@ -1,0 +1,65 @@
+"""Truths of the decoder in numpy: it is the network, and its derivatives are derivatives."""
+
+import numpy as np
+import pytest
+import torch
+
+from deformer.autoencoder import MeshAutoencoder
+from deformer.decoder import Decoder
+from deformer.features import FeatureScaler
+from deformer.mesh import one_rings
+from shapes import awkward, tube
+
+SCALER = FeatureScaler(-1.5, 2.0, -0.3, 1.8)
+CASES = pytest.mark.parametrize(
+    ("mesh", "layers"),
+    [(tube(), (9,)), (awkward(), (6,)), (tube(), (7, 5)), (awkward(), (6, 5, 4))],
+    ids=["one layer", "one narrow layer", "two layers", "three layers"],
+)
+
+
+def build(mesh, layers, components=4):
+    """A network with weights that matter, and its decoder."""
+    rings = one_rings(mesh.faces, len(mesh.vertices))
+    torch.manual_seed(0)
+    network = MeshAutoencoder(*rings, components, layers)
+    with torch.no_grad():
+        for conv in network.convs:
+            conv.bias_back.normal_()
+        network.C.normal_()
+        network.C *= 0.3
+    return network, Decoder(network, SCALER, *rings)
+
+
+@CASES
+def test_features_are_those_of_the_network(mesh, layers):
+    network, decoder = build(mesh, layers)
+    for z in np.random.default_rng(0).normal(size=(3, 4)):
+        with torch.no_grad():
+            x = network.decode(torch.tensor(z[None], dtype=torch.float32))[:, 0]
+        expected = SCALER.unscale(x.double().numpy())
+        np.testing.assert_allclose(decoder.features(z), expected, atol=2e-5)
+
+
+@CASES
+def test_differential_is_a_central_difference(mesh, layers):
+    _, decoder = build(mesh, layers)
+    rng = np.random.default_rng(1)
+    z = rng.normal(size=4)
+    q, dq = decoder.differential(z)
+    np.testing.assert_allclose(q, decoder.features(z), atol=1e-12)
+    h = 1e-5
+    for k in range(4):
+        e = h * np.eye(4)[k]
+        expected = (decoder.features(z + e) - decoder.features(z - e)) / (2 * h)
+        np.testing.assert_allclose(dq[k], expected, rtol=1e-6, atol=1e-8)
+
+
+@CASES
+def test_pull_back_is_the_transposed_differential(mesh, layers):
+    _, decoder = build(mesh, layers)
+    rng = np.random.default_rng(2)
+    z = rng.normal(size=4)
+    g = rng.normal(size=(5, len(mesh.vertices), 9))
+    expected = np.einsum("mvf,kvf->mk", g, decoder.differential(z)[1])
+    np.testing.assert_allclose(decoder.pull_back(z, g), expected, rtol=1e-9, atol=1e-9)
