@@ -3,6 +3,7 @@
 Tubes and strips lie along x, so that bends and twists along x are easy to write down.
 """
 
+import warnings
 from functools import cache
 
 import numpy as np
@@ -151,4 +152,6 @@ def sequence(count=12, around=8, rings=15):
 @cache
 def small_model() -> DeformationModel:
     """A model of `sequence()` with 6 components, trained once for all tests (seconds)."""
-    return train(sequence(), 6, epochs=600, device="cpu")
+    with warnings.catch_warnings():  # of torch, once a process, at the first sparse product
+        warnings.simplefilter("ignore")
+        return train(sequence(), 6, epochs=600, device="cpu")
