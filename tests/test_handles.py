@@ -1,0 +1,371 @@
+"""Truths of the handle solver: handles are met, poses are kept, nothing breaks it."""
+
+import numpy as np
+import pytest
+
+from deformer import Handle, HandleSolver
+from deformer.errors import InputError
+from deformer.rotations import log_to_rotation
+from shapes import small_model
+
+SPREAD = list(range(4, 120, 12))
+pytestmark = pytest.mark.filterwarnings("error")
+
+
+@pytest.fixture(scope="module")
+def model():
+    return small_model()
+
+
+@pytest.fixture(scope="module")
+def diagonal(model):
+    return model.reference.bounding_diagonal
+
+
+def pose_between(model, a=2, b=3):
+    """A decoded shape in the middle of the training codes."""
+    z = 0.5 * (model.codes[a] + model.codes[b])
+    return z, model.decode(z)
+
+
+def largest(difference):
+    return np.linalg.norm(difference, axis=-1).max()
+
+
+def test_no_handles_give_the_mean_where_the_reference_is(model):
+    pose = HandleSolver(model).solve()
+    np.testing.assert_allclose(pose.vertices, model.decode(model.latent_mean), atol=1e-9)
+    np.testing.assert_allclose(pose.z, model.latent_mean, atol=1e-9)
+    assert pose.residual.shape == (0,)
+    assert pose.prior_distance == pytest.approx(0, abs=1e-9)
+    assert pose.energy == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize("rigid", [True, False])
+@pytest.mark.parametrize("relaxation", [0, 10])
+def test_hard_handles_are_met(model, diagonal, rigid, relaxation):
+    solver = HandleSolver(model, rigid=rigid, relaxation=relaxation)
+    rng = np.random.default_rng(0)
+    _, shape = pose_between(model)
+    for count in (1, 2, 3, 10, 40):
+        vertices = rng.choice(120, count, replace=False)
+        targets = shape[vertices] + 0.1 * rng.normal(size=(count, 3))
+        solver.set_handles(vertices, targets, hard=True)
+        pose = solver.solve()
+        assert largest(pose.vertices[vertices] - targets) < 1e-6 * diagonal
+        np.testing.assert_allclose(
+            pose.residual, np.linalg.norm(pose.vertices[vertices] - targets, axis=1), atol=1e-12
+        )
+
+
+def test_hard_by_handle(model, diagonal):
+    """Those that are hard are met, the others nearly so; residuals are in the handles' order."""
+    solver = HandleSolver(model)
+    vertices = np.array([100, 3, 60, 40])
+    targets = model.reference.vertices[vertices] + 0.2 * np.random.default_rng(1).normal(
+        size=(4, 3)
+    )
+    hard = [False, True, False, True]
+    solver.set_handles(vertices, targets, hard=hard)
+    pose = solver.solve()
+    assert [handle.hard for handle in solver.handles] == hard
+    expected = np.linalg.norm(pose.vertices[vertices] - targets, axis=1)
+    np.testing.assert_allclose(pose.residual, expected, atol=1e-12)
+    assert pose.residual[[1, 3]].max() < 1e-6 * diagonal
+    assert pose.residual[[0, 2]].min() > 1e-6 * diagonal
+
+
+DEGENERATE = {
+    "none": ([], []),
+    "one": ([7], [[1.0, 2, 3]]),
+    "two": ([7, 90], [[0.0, 0, 0], [1, 1, 0]]),
+    "collinear": ([0, 40, 80], [[0.0, 0, 0], [1, 1, 1], [2, 2, 2]]),
+    "at one point": ([0, 40, 80], [[1.0, 1, 1]] * 3),
+    "duplicate": ([5, 5, 60], [[0.0, 0, 0], [0, 0, 1], [1, 0, 0]]),
+    "far away": ([0, 60, 119], [[1e3, 0, 0], [0, 1e4, 0], [0, 0, -1e5]]),
+    "very far away": ([0, 60], [[1e9, 0, 0], [0, -1e9, 0]]),
+    "turned over": ([0, 4, 119, 115], [[2.0, 0, 0.25], [2, 0, -0.25], [0, 0, 0.25], [0, 0, -0.25]]),
+}
+
+
+@pytest.mark.parametrize("hard", [False, True], ids=["soft", "hard"])
+@pytest.mark.parametrize("rigid", [False, True], ids=["still", "rigid"])
+@pytest.mark.parametrize("case", DEGENERATE)
+def test_nothing_breaks_it(model, case, rigid, hard):
+    vertices, targets = DEGENERATE[case]
+    solver = HandleSolver(model, rigid=rigid)
+    solver.set_handles(vertices, targets, hard=hard)
+    for pose in (solver.solve(), solver.solve(warm=True)):
+        for value in (pose.vertices, pose.z, pose.rotation, pose.translation, pose.residual):
+            assert np.isfinite(value).all()
+        assert np.isfinite([pose.prior_distance, pose.energy, pose.milliseconds]).all()
+        assert pose.vertices.shape == (120, 3) and pose.residual.shape == (len(vertices),)
+        if not rigid:
+            assert not pose.rotation.any() and not pose.translation.any()
+
+
+def test_coincident_vertices_as_handles():
+    """A model whose reference has two vertices at one place, asked to part or to stay."""
+    from deformer import MeshSequence, train
+    from deformer.autoencoder import ModelConfig
+    from shapes import sequence
+
+    shapes = sequence(5)
+    vertices = shapes.vertices.copy()
+    vertices[:, 20] = vertices[:, 21]
+    config = ModelConfig(name="quick", components=2, epochs=5, mixed_shapes=0)
+    model = train(MeshSequence(vertices, shapes.faces), config=config, device="cpu")
+    solver = HandleSolver(model)
+    p = model.reference.vertices
+    for hard in (False, True):
+        for apart in (0.0, 0.3):
+            targets = p[[20, 21, 100]] + [[0, 0, apart], [0, 0, 0], [0, 0, 0]]
+            solver.set_handles([20, 21, 100], targets, hard=hard)
+            pose = solver.solve()
+            assert np.isfinite(pose.vertices).all()
+            if hard:
+                assert pose.residual.max() < 1e-6
+
+
+def test_handles_of_a_known_pose_recover_it(model, diagonal):
+    z, shape = pose_between(model)
+    solver = HandleSolver(model)
+    solver.set_handles(SPREAD, shape[SPREAD])
+    pose = solver.solve()
+    assert largest(pose.vertices - shape) < 0.01 * diagonal
+    assert pose.residual.max() < 0.005 * diagonal
+    # The code recovers it too, on its own.
+    free = model.decode(pose.z)
+    assert largest(free - free.mean(0) - shape + shape.mean(0)) < 0.03 * diagonal
+    K = model.components
+    white = np.linalg.solve(np.linalg.cholesky(model.latent_covariance), z - model.latent_mean)
+    assert pose.prior_distance < 1.1 * np.linalg.norm(white) + 0.1 and len(pose.z) == K
+
+
+def test_the_pose_is_the_decoded_code_moved_rigidly(model):
+    _, shape = pose_between(model)
+    R = log_to_rotation([0.2, -0.1, 0.3])
+    solver = HandleSolver(model)
+    solver.set_handles(SPREAD, shape[SPREAD] @ R.T + [0.1, 0.2, 0.3])
+    pose = solver.solve()
+    centre = model.reference.vertices.mean(axis=0)
+    moved = (model.decode(pose.z) - centre) @ log_to_rotation(pose.rotation).T
+    np.testing.assert_allclose(pose.vertices, moved + centre + pose.translation, atol=1e-9)
+    white = np.linalg.solve(np.linalg.cholesky(model.latent_covariance), pose.z - model.latent_mean)
+    assert pose.prior_distance == pytest.approx(np.linalg.norm(white), rel=1e-6)
+
+
+@pytest.mark.parametrize("angle", [0.2, 0.5, 1.5])
+def test_a_rigidly_moved_target_set_carries_the_pose(model, diagonal, angle):
+    """The motion is found, up to the faint pull that keeps the whole where it was."""
+    _, shape = pose_between(model)
+    R = log_to_rotation(angle * np.array([0.6, 0.0, 0.8]))
+    goal = shape @ R.T + [0.5, -0.3, 0.2]
+    solver = HandleSolver(model)
+    solver.set_handles(SPREAD, shape[SPREAD])
+    here = solver.solve().vertices
+    solver.set_handles(SPREAD, goal[SPREAD])
+    there = solver.solve().vertices
+    bound = 0.01 * (1 + angle)
+    assert largest(there - (here @ R.T + [0.5, -0.3, 0.2])) < bound * diagonal
+    assert largest(there - goal) < bound * diagonal
+
+
+def test_a_translated_target_set_translates_the_pose(model, diagonal):
+    _, shape = pose_between(model)
+    solver = HandleSolver(model)
+    solver.set_handles(SPREAD, shape[SPREAD])
+    here = solver.solve().vertices
+    move = np.array([3.0, -2.0, 1.0])
+    solver.set_handles(SPREAD, shape[SPREAD] + move)
+    assert largest(solver.solve().vertices - here - move) < 2e-3 * diagonal
+
+
+def test_without_rigid_motion_the_shape_stays(model, diagonal):
+    _, shape = pose_between(model)
+    solver = HandleSolver(model, rigid=False)
+    solver.set_handles(SPREAD, shape[SPREAD])
+    assert largest(solver.solve().vertices - shape) < 0.01 * diagonal
+    solver.set_handles(SPREAD, shape[SPREAD] + [10.0, 0, 0])
+    pose = solver.solve()
+    np.testing.assert_allclose(
+        pose.vertices.mean(axis=0), model.reference.vertices.mean(axis=0), atol=1e-9
+    )
+    assert not pose.rotation.any() and not pose.translation.any()
+
+
+def test_weights_decide_between_handles(model):
+    """Two handles that cannot both be met: the heavier one is nearer to its target."""
+    p = model.reference.vertices
+    vertices = [0, 119]
+    targets = p[vertices] + [[0.0, 0, 0], [1.5, 0, 0]]
+    solver = HandleSolver(model)
+    residuals = []
+    for weights in ([1, 1], [100, 1], [1, 100]):
+        solver.set_handles(vertices, targets, weights=weights)
+        residuals.append(solver.solve().residual)
+    assert residuals[1][0] < residuals[0][0] and residuals[1][1] > residuals[0][1]
+    assert residuals[2][1] < residuals[0][1] and residuals[2][0] > residuals[0][0]
+    assert residuals[1][0] < residuals[1][1] and residuals[2][1] < residuals[2][0]
+
+
+def test_a_double_handle_is_one_of_double_weight_at_the_mean(model):
+    p = model.reference.vertices
+    a, b = p[50] + [0.0, 0.2, 0], p[50] + [0.0, 0, 0.2]
+    solver = HandleSolver(model)
+    solver.set_handles([50, 10, 50], [a, p[10], b], weights=[1, 1, 3])
+    twice = solver.solve()
+    solver.set_handles([50, 10], [(a + 3 * b) / 4, p[10]], weights=[4, 1])
+    np.testing.assert_allclose(solver.solve().vertices, twice.vertices, atol=1e-9)
+    assert twice.residual.shape == (3,)
+
+
+def test_the_order_of_handles_does_not_matter(model):
+    _, shape = pose_between(model)
+    solver = HandleSolver(model)
+    for hard in (False, True):
+        solver.set_handles(SPREAD, shape[SPREAD] * 1.05, hard=hard)
+        one = solver.solve()
+        solver.set_handles(SPREAD[::-1], shape[SPREAD[::-1]] * 1.05, hard=hard)
+        other = solver.solve()
+        np.testing.assert_allclose(other.vertices, one.vertices, atol=1e-9)
+        np.testing.assert_allclose(other.residual, one.residual[::-1], atol=1e-9)
+
+
+def test_a_solve_does_not_depend_on_what_was_solved_before(model):
+    _, shape = pose_between(model)
+    fresh = HandleSolver(model)
+    fresh.set_handles(SPREAD, shape[SPREAD])
+    expected = fresh.solve()
+    used = HandleSolver(model)
+    rng = np.random.default_rng(2)
+    for _ in range(3):
+        used.set_handles(rng.choice(120, 5, replace=False), rng.normal(size=(5, 3)), hard=True)
+        used.solve()
+        used.solve(warm=True)
+    used.set_handles(SPREAD, shape[SPREAD])
+    for found in (used.solve(), used.solve()):
+        np.testing.assert_allclose(found.vertices, expected.vertices, atol=1e-10)
+        np.testing.assert_allclose(found.z, expected.z, atol=1e-8)
+        assert found.energy == pytest.approx(expected.energy)
+
+
+def test_handles_that_come_and_go_leave_no_trace(model):
+    """Kept Green rows are those of the vertices, whichever order they came in."""
+    _, shape = pose_between(model)
+    solver = HandleSolver(model)
+    for chosen in ([90, 4], [4, 16, 90], [16], [30, 16, 4], SPREAD):
+        solver.set_handles(chosen, shape[chosen] * 1.1, hard=True)
+        found = solver.solve()
+        fresh = HandleSolver(model)
+        fresh.set_handles(chosen, shape[chosen] * 1.1, hard=True)
+        np.testing.assert_allclose(found.vertices, fresh.solve().vertices, atol=1e-9)
+
+
+@pytest.mark.parametrize("hard", [False, True])
+def test_dragging_ends_where_a_cold_solve_does(model, diagonal, hard):
+    """Along a short path, a tenth of the diagonal, where there is one basin."""
+    _, shape = pose_between(model)
+    vertices = [4, 28, 52, 76, 100, 116]
+    goal = shape[116] + 0.1 * diagonal * np.array([0.0, 0.6, 0.8])
+    solver = HandleSolver(model)
+    solver.set_handles(vertices, shape[vertices], hard=hard)
+    solver.solve()
+    for s in np.linspace(0, 1, 7)[1:]:
+        pose = solver.drag(116, (1 - s) * shape[116] + s * goal)
+        cold = HandleSolver(model)
+        cold.set_handles(vertices, [handle.target for handle in solver.handles], hard=hard)
+        expected = cold.solve()
+        assert largest(pose.vertices - expected.vertices) < 0.02 * diagonal
+        assert pose.energy == pytest.approx(expected.energy, rel=0.02, abs=1e-3)
+    assert solver.handles[5] == Handle(116, tuple(goal), 1.0, hard)
+
+
+def test_dragging_to_the_same_place_stays(model, diagonal):
+    _, shape = pose_between(model)
+    solver = HandleSolver(model)
+    solver.set_handles(SPREAD, shape[SPREAD])
+    before = solver.solve()
+    after = solver.drag(SPREAD[2], shape[SPREAD[2]])
+    assert largest(after.vertices - before.vertices) < 1e-3 * diagonal
+    assert after.energy <= before.energy * (1 + 1e-12)
+
+
+def test_the_energy_is_that_of_its_formula_and_not_above_the_start(model, diagonal):
+    """Σ w ‖p_h − q_h‖² / (σ D)² + prior distance² plus small terms of the motion."""
+    _, shape = pose_between(model)
+    solver = HandleSolver(model, rigid=False, noise=0.01)
+    targets = shape[SPREAD] * 1.1
+    weights = np.linspace(1, 2, len(SPREAD))
+    solver.set_handles(SPREAD, targets, weights=weights)
+    pose = solver.solve()
+    misfit = (weights * pose.residual**2).sum() / (0.01 * diagonal) ** 2
+    assert pose.energy == pytest.approx(misfit + pose.prior_distance**2, rel=1e-9)
+
+    def energy(z):
+        p = model.decode(z)[SPREAD]
+        away = z - model.latent_mean
+        prior = away @ np.linalg.solve(model.latent_covariance, away)
+        return (weights * ((p - targets) ** 2).sum(1)).sum() / (0.01 * diagonal) ** 2 + prior
+
+    assert energy(pose.z) == pytest.approx(pose.energy, rel=1e-6)
+    for start in (model.latent_mean, *model.codes):
+        assert pose.energy <= energy(start) * (1 + 1e-9)
+    # A minimum: no code near it is better.
+    rng = np.random.default_rng(3)
+    factor = np.linalg.cholesky(model.latent_covariance)
+    for size in (1e-2, 0.1, 1.0):
+        for _ in range(10):
+            other = pose.z + size * factor @ rng.normal(size=len(pose.z))
+            assert energy(other) >= pose.energy * (1 - 1e-3)
+
+
+def test_more_noise_trusts_the_prior_more(model):
+    _, shape = pose_between(model)
+    found = []
+    for noise in (0.001, 0.01, 0.1, 1.0):
+        solver = HandleSolver(model, noise=noise)
+        solver.set_handles(SPREAD, shape[SPREAD] * 1.1)
+        found.append(solver.solve())
+    assert np.all(np.diff([pose.prior_distance for pose in found]) < 1e-6)
+    assert np.all(np.diff([pose.residual @ pose.residual for pose in found]) > -1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (([0, 120], np.zeros((2, 3))), r"handle 1: vertex 120 .*0…119"),
+        (([0, -1], np.zeros((2, 3))), r"handle 1: vertex -1 "),
+        (([3, 4], [[0, 0, 0], [0, np.nan, 0]]), r"handle 1: target \[0.0, nan, 0.0\]"),
+        (([3, 4], [[0, 0, 0], [np.inf, 0, 0]]), "handle 1: target"),
+        (([3, 4], np.zeros((2, 3)), [1.0, 0.0]), "handle 1: weight 0"),
+        (([3, 4], np.zeros((2, 3)), [-1.0, 1.0]), "handle 0: weight -1"),
+        (([3, 4], np.zeros((2, 3)), [1.0, np.nan]), "handle 1: weight nan"),
+        (([3, 4], np.zeros((3, 3))), r"\(2, 3\).*\(3, 3\)"),
+        (([3], [0.0, 0, 0]), r"\(1, 3\).*\(3,\)"),
+        (([3.5], np.zeros((1, 3))), "integers"),
+        (([[3]], np.zeros((1, 3))), r"\(1, 1\)"),
+        (([3], np.zeros((1, 3)), [1.0, 2.0]), r"weights: expected \(1,\)"),
+        (([3], np.zeros((1, 3)), None, [True, False]), r"hard: expected \(1,\)"),
+    ],
+    ids=str,
+)
+def test_wrong_handles_are_refused_and_the_old_ones_stay(model, arguments, words):
+    solver = HandleSolver(model)
+    solver.set_handles([7], [[1.0, 2, 3]])
+    with pytest.raises(InputError, match=words):
+        solver.set_handles(*arguments)
+    assert solver.handles == [Handle(7, (1.0, 2.0, 3.0))]
+
+
+def test_wrong_drags_are_refused(model):
+    solver = HandleSolver(model)
+    solver.set_handles([7, 9], np.zeros((2, 3)))
+    with pytest.raises(InputError, match=r"vertex 8 has no handle.*\[7, 9\]"):
+        solver.drag(8, [0, 0, 0])
+    for position in ([0, 0], [0, 0, np.nan], [[0, 0, 0]]):
+        with pytest.raises(InputError, match="3 finite numbers"):
+            solver.drag(7, position)
+    for noise in (0.0, -1.0, np.nan):
+        with pytest.raises(InputError, match="noise"):
+            HandleSolver(model, noise=noise)
