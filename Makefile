@@ -10,7 +10,7 @@ demo: .venv/run.stamp
 
 # Threads that spin while they wait would take the cores from the other workers.
 test: .venv/test.stamp
-	OMP_WAIT_POLICY=PASSIVE $(BIN)/pytest -n $(WORKERS)
+	OMP_WAIT_POLICY=PASSIVE OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS)
 
 lint: .venv/test.stamp
 	$(BIN)/ruff check

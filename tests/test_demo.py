@@ -34,21 +34,23 @@ def test_handles_sit_on_the_limbs_whatever_axis_is_up(up):
     axes = upright_axes(up)
     drag = demo.record(Mesh(vertices @ axes + 3.0, faces), up)
     at = dict(zip(drag.names, drag.vertices, strict=True))
-    assert at["left foot"] in limbs["left leg"]
-    assert at["right foot"] in limbs["right leg"]
+    for side in ("left", "right"):
+        assert at[f"{side} toes"] in limbs[f"{side} leg"]
+        assert at[f"{side} heel"] in limbs[f"{side} leg"]
+        assert vertices[at[f"{side} toes"], 2] > vertices[at[f"{side} heel"], 2]
     assert at["left wrist"] in limbs["left arm"]
     assert at["head"] in limbs["head"]
-    assert vertices[at["left foot"], 1] == pytest.approx(0)
+    assert vertices[at["left toes"], 1] == pytest.approx(0)
     assert vertices[at["head"], 1] == pytest.approx(2)
     pinned = [name for name, hold in zip(drag.names, drag.pinned, strict=True) if hold]
-    assert pinned == ["left foot", "right foot"]
+    assert pinned == ["left toes", "left heel", "right toes", "right heel"]
 
 
 def test_the_wrist_swings_about_the_shoulder_and_the_head_goes_down():
     vertices, faces, _ = figure()
     drag = demo.record(Mesh(vertices, faces))
     way = {name: [t for h, t in drag.moves if drag.names[h] == name] for name in drag.names}
-    assert not way["left foot"] and not way["right foot"]
+    assert sorted(name for name, targets in way.items() if targets) == ["head", "left wrist"]
     start = vertices[drag.vertices[drag.names.index("left wrist")]]
     wrist = np.array([start, *way["left wrist"]])
     shoulder = [2 * demo.SHOULDER_SIDE, 2 - 2 * demo.SHOULDER_DROP]

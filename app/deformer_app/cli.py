@@ -50,9 +50,11 @@ class Config(StrEnum):
 
 def main() -> None:
     """Run the command line and exit with its status; without arguments show the help."""
-    # PyTorch's OpenMP threads spin while they wait: on a machine that does anything else, training
-    # then takes twice to ten times as long. The library reads this as PyTorch is imported.
+    # Both libraries' threads spin while they wait for each other. On a machine that does anything
+    # else, training then takes 2 to 10 times as long and a drag 10 times; its matrices are too
+    # small to share anyway. Read when PyTorch and numpy are imported, so it has to happen here.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     sys.exit(console.run(app))
 
 

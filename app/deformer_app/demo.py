@@ -34,9 +34,9 @@ FRAME_STRIDE = 2  # mouse moves a picture of the animation
 
 # The figure is measured in its own height. Shoulders sit at 0.1 from the middle and 0.82 up.
 SHOULDER_SIDE, SHOULDER_DROP = 0.10, 0.18
-WRIST = 0.76  # where the wrist is on the way from the shoulder to the fingertips
+WRIST = 0.68  # where the wrist is on the way from the shoulder to the fingertips
 RAISED = np.radians(80)  # elevation of the arm at the end of the reach
-CROUCH = 0.16  # how far the head goes down
+CROUCH = 0.12  # how far the head goes down
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,22 +78,25 @@ def record(reference: Mesh, up: str = "y") -> Drag:
     """
     axes = upright_axes(up)
     local = reference.vertices @ axes.T
-    left, height, _ = local.T
+    left, height, front = local.T
     size = float(np.ptp(height))
     middle = (left.min() + left.max()) / 2
     # The arm turns about the shoulder in the plane of left and up.
     shoulder = np.array([middle + SHOULDER_SIDE * size, height.max() - SHOULDER_DROP * size])
     fingertip = local[np.argmax(left), :2]
     wrist = shoulder + WRIST * (fingertip - shoulder)
+    off_wrist = np.sqrt(((local[:, :2] - wrist) ** 2).sum(axis=1))
     candidates = {
-        "left foot": np.argmax(0.5 * left - height),
-        "right foot": np.argmax(-0.5 * left - height),
-        "left wrist": np.argmin(((local[:, :2] - wrist) ** 2).sum(axis=1)),
+        "left toes": np.argmax(0.3 * left + 0.5 * front - height),
+        "left heel": np.argmax(0.3 * left - 0.5 * front - height),
+        "right toes": np.argmax(-0.3 * left + 0.5 * front - height),
+        "right heel": np.argmax(-0.3 * left - 0.5 * front - height),
+        "left wrist": np.argmin(off_wrist - 0.15 * front),
         "head": np.argmax(height - 0.2 * np.abs(left - middle)),
     }
     handles: dict[int, str] = {}
     for name, vertex in candidates.items():
-        handles.setdefault(int(vertex), name)  # a pole has no two feet
+        handles.setdefault(int(vertex), name)  # a pole has fewer
     names, vertices = tuple(handles.values()), tuple(handles)
 
     hand = local[candidates["left wrist"]]
@@ -108,7 +111,9 @@ def record(reference: Mesh, up: str = "y") -> Drag:
     for step in _eased(CROUCH_STEPS):
         target = head - [0, step * CROUCH * size, 0]
         moves.append((vertices.index(int(candidates["head"])), target @ axes))
-    return Drag(names, vertices, tuple("foot" in name for name in names), tuple(moves))
+    return Drag(
+        names, vertices, tuple("toes" in name or "heel" in name for name in names), tuple(moves)
+    )
 
 
 def replay(model: DeformationModel, drag: Drag, progress: Callable[[int], None]) -> list[Take]:
