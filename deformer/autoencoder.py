@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -32,24 +32,31 @@ class ModelConfig:
         range_weight: λ₂, weight of V(Z).
         range_limit: θ, the latent magnitude that V(Z) leaves free.
         d_min, d_max: normalised geodesic distances between which Λ rises from 0 to 1.
-        learning_rate: of Adam.
-        epochs: full-batch steps.
+        learning_rate: of Adam; its peak where `schedule` is "cosine".
+        schedule: "constant" (the paper), or "cosine": a short rise, then down to a hundredth.
+        epochs: steps of the optimiser.
+        batch: examples drawn for every step; 0 takes all of them (the paper).
         mixed_shapes: shapes mixed from two examples, region by region, that are added to every
             step; 0 trains on the examples alone (the paper).
+        initial: "random" weights (the paper), or "pca": the principal components of the first
+            layer's output.
         align: remove each shape's rigid motion against the reference before anything else.
     """
 
     name: str = "default"
     components: int = 50
     layers: tuple[int, ...] = (9,)
-    sparsity: float = 0.5
+    sparsity: float = 2.0
     range_weight: float = 0.5
     range_limit: float = 5.0
     d_min: float = 0.2
     d_max: float = 0.4
-    learning_rate: float = 1e-3
-    epochs: int = 3000
-    mixed_shapes: int = 32
+    learning_rate: float = 3e-3
+    schedule: str = "cosine"
+    epochs: int = 1500
+    batch: int = 16
+    mixed_shapes: int = 24
+    initial: str = "pca"
     align: bool = False
 
     def __post_init__(self) -> None:
@@ -63,7 +70,15 @@ class ModelConfig:
             raise InputError(f"epochs: expected at least 1, got {self.epochs}")
         if not 0 <= self.d_min < self.d_max:
             raise InputError(f"d_min < d_max expected, got {self.d_min} and {self.d_max}")
-        for field in ("sparsity", "range_weight", "range_limit", "mixed_shapes"):
+        for field, allowed in (
+            ("schedule", ("constant", "cosine")),
+            ("initial", ("random", "pca")),
+        ):
+            if getattr(self, field) not in allowed:
+                raise InputError(
+                    f"{field}: expected one of {', '.join(allowed)}, got {getattr(self, field)!r}"
+                )
+        for field in ("sparsity", "range_weight", "range_limit", "batch", "mixed_shapes"):
             if getattr(self, field) < 0:
                 raise InputError(f"{field}: expected 0 or more, got {getattr(self, field)}")
 
@@ -74,7 +89,16 @@ class ModelConfig:
 
 PRESETS: dict[str, ModelConfig] = {
     "default": ModelConfig(),
-    "paper": ModelConfig(name="paper", mixed_shapes=0),
+    "paper": ModelConfig(
+        name="paper",
+        sparsity=0.5,
+        learning_rate=1e-3,
+        schedule="constant",
+        epochs=3000,
+        batch=0,
+        mixed_shapes=0,
+        initial="random",
+    ),
 }
 
 
@@ -188,20 +212,48 @@ class MeshAutoencoder(nn.Module):
         self.convs = nn.ModuleList(GraphConv(a, b) for a, b in pairwise(widths))
         self.C = nn.Parameter(torch.randn(V, widths[-1], components) / (V * widths[-1]) ** 0.5)
 
-    def encode(self, x: Tensor, mean: Tensor | None = None) -> Tensor:
-        """Latent codes z (N, K) of scaled features x (V, N, 9); `mean` is their ring mean."""
-        for depth, conv in enumerate(self.convs):
+    @property
+    def layers(self) -> list[GraphConv]:
+        """The convolutions, in the encoder's order."""
+        return cast(list[GraphConv], list(self.convs))
+
+    @torch.no_grad()
+    def start_from_components(self, x: Tensor) -> None:
+        """Begin near the best linear answer for scaled features x (V, N, 9), N ≥ 1.
+
+        The convolutions start close to the identity, as far as their widths allow, and C at the
+        leading right singular vectors of the convolved features; components beyond their number
+        keep a reduced random start.
+        """
+        for conv in self.layers:
+            conv.point.mul_(0.1).add_(1.1 * torch.eye(*conv.point.shape, device=x.device))
+            conv.neighbour.mul_(0.1)
+        f = self._convolve(x)
+        # Through the small Gram matrix (N, N): the memory stays that of f.
+        values, vectors = torch.linalg.eigh(f @ f.T)
+        count = min(self.C.shape[2], int((values > 1e-6 * values[-1]).sum()))
+        leading = vectors[:, -count:].flip(1) / values[-count:].flip(0).sqrt()
+        self.C.mul_(0.3)
+        self.C[:, :, :count] = (f.T @ leading).reshape(*self.C.shape[:2], count)
+
+    def _convolve(self, x: Tensor, mean: Tensor | None = None) -> Tensor:
+        """Output f (N, μV) of the encoder's convolutions."""
+        for depth, conv in enumerate(self.layers):
             x = conv(x, self.mean(x) if depth or mean is None else mean)
             if depth < len(self.convs) - 1 or len(self.convs) == 1:
                 x = torch.tanh(x)
         V, N, width = x.shape
-        return x.transpose(0, 1).reshape(N, V * width) @ self.C.reshape(V * width, -1)
+        return x.transpose(0, 1).reshape(N, V * width)
+
+    def encode(self, x: Tensor, mean: Tensor | None = None) -> Tensor:
+        """Latent codes z (N, K) of scaled features x (V, N, 9); `mean` is their ring mean."""
+        return self._convolve(x, mean) @ self.C.reshape(-1, self.C.shape[2])
 
     def decode(self, z: Tensor) -> Tensor:
         """Scaled features (V, N, 9) of latent codes z (N, K)."""
         V, width, K = self.C.shape
         x = (self.C.reshape(V * width, K) @ z.T).reshape(V, width, len(z)).transpose(1, 2)
-        for conv in reversed(self.convs):
+        for conv in reversed(self.layers):
             x = torch.tanh(conv.back(x, self.mean(x)))
         return x
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 
 import numpy as np
-from cholespy import CholeskySolverD, MatrixType
+from cholespy import CholeskySolverD, MatrixType  # pyright: ignore[reportAttributeAccessIssue]
 from scipy import sparse
 
 from deformer.mesh import FloatArray
@@ -21,7 +21,7 @@ class SparseCholesky:
         """Factor `matrix` (AMD ordering)."""
         A = sparse.coo_array(matrix)
         self._solver = CholeskySolverD(
-            A.shape[0],
+            len(A.diagonal()),
             A.row.astype(np.int32),
             A.col.astype(np.int32),
             A.data.astype(np.float64),

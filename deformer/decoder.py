@@ -35,7 +35,7 @@ class Decoder:
         degree = np.diff(indptr)
         data = np.repeat(1.0 / np.maximum(degree, 1), degree)
         self._mean = sparse.csr_array((data, rings, indptr), shape=(V, V))
-        convs = [_arrays(conv) for conv in reversed(list(network.convs))]  # type: ignore[arg-type]
+        convs = [_arrays(conv) for conv in reversed(network.layers)]
         C = network.C.detach().double().cpu().numpy()
         self.vertex_count, _, self.components = C.shape
         point, neighbour, bias = convs[0]

@@ -114,7 +114,11 @@ class HandleSolver:
         self._poisson = model.poisson
         self._factor = model.prior.factor
         self._candidates = _spread(
-            np.linalg.solve(self._factor, (model.codes - model.prior.mean).T).T, _CANDIDATES
+            np.asarray(
+                np.linalg.solve(self._factor, (model.codes - model.prior.mean).T).T,
+                dtype=np.float64,
+            ),
+            _CANDIDATES,
         )
         self._green: dict[int, FloatArray] = {}
         self._arms: dict[int, FloatArray] = {}

@@ -19,7 +19,7 @@ class LatentPrior:
     @property
     def factor(self) -> FloatArray:
         """Lower Cholesky factor (K, K): z = mean + factor y has this distribution for white y."""
-        return np.linalg.cholesky(self.covariance)
+        return np.asarray(np.linalg.cholesky(self.covariance), dtype=np.float64)
 
 
 def fit_prior(codes: FloatArray) -> LatentPrior:

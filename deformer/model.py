@@ -95,8 +95,8 @@ class DeformationModel:
     @cached_property
     def decoder(self) -> Decoder:
         """The decoder as float64 arrays."""
-        mean = self.network.mean
-        return Decoder(self.network, self.scaler, mean.crow.numpy(), mean.columns.numpy())
+        extractor = self.extractor
+        return Decoder(self.network, self.scaler, extractor.indptr, extractor.rings)
 
     def encode(self, vertices: ArrayLike) -> FloatArray:
         """Latent codes of shapes: (V, 3) to (K,), or (N, V, 3) to (N, K).
@@ -342,8 +342,10 @@ def train(
         "epochs": result.epochs,
         "interrupted": result.interrupted,
         "seconds": round(result.seconds, 1),
-        "loss": result.loss,
-        "reconstruction_loss": result.reconstruction,
+        "loss": result.loss if np.isfinite(result.loss) else None,
+        "reconstruction_loss": (
+            result.reconstruction if np.isfinite(result.reconstruction) else None
+        ),
     }
     model = DeformationModel(
         base, settings, scaler, result.network, codes, fit_prior(codes), split, summary

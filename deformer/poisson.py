@@ -6,13 +6,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 from scipy import sparse
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from deformer.cholesky import SparseCholesky
 from deformer.errors import InputError
 from deformer.features import features_to_gradients
 from deformer.mesh import (
     FloatArray,
+    IntArray,
     Mesh,
     MeshSequence,
     connected_components,
@@ -65,14 +66,15 @@ def _arms(indptr, rings, c, v, green, out):
 
 def _bridge_edges(v: FloatArray, count: int, labels: np.ndarray) -> np.ndarray:
     """One edge (i, j) from every smaller component to the nearest vertex of the largest."""
-    main = np.bincount(labels, minlength=count).argmax()
+    main = int(np.bincount(labels, minlength=count).argmax())
     others = np.flatnonzero(labels != main)
     if len(others) == 0:
         return np.empty((0, 2), dtype=np.int64)
-    base = np.flatnonzero(labels == main)
-    distance, nearest = cKDTree(v[base]).query(v[others])
+    base: IntArray = np.flatnonzero(labels == main)
+    distance, nearest = KDTree(v[base]).query(v[others])
     order = np.lexsort((distance, labels[others]))
-    first = order[np.unique(labels[others][order], return_index=True)[1]]
+    start: IntArray = np.unique(labels[others][order], return_index=True)[1]
+    first = order[start]
     return np.column_stack([others[first], base[nearest[first]]])
 
 
@@ -182,6 +184,10 @@ def reconstruct(shapes: MeshSequence, q: ArrayLike, reference: int = 0) -> Float
     if p.shape != shapes.vertices.shape:
         return p
     counts = np.bincount(system.labels, minlength=system.component_count)
-    shift = np.zeros((len(p), system.component_count, 3))
-    np.add.at(shift, (slice(None), system.labels), shapes.vertices - p)
-    return p + (shift / counts[:, None])[:, system.labels]
+    membership = sparse.csr_array(
+        (1.0 / counts[system.labels], (system.labels, np.arange(len(system.labels))))
+    )
+    offset = shapes.vertices - p
+    for n in range(len(p)):
+        p[n] += (membership @ offset[n])[system.labels]
+    return p

@@ -1,8 +1,11 @@
-"""The training loop: full-batch Adam, checkpoints, interruption and exact resuming."""
+"""The training loop: Adam, checkpoints, interruption and exact resuming."""
 
 from __future__ import annotations
 
 import json
+import math
+import signal
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,6 +27,9 @@ from deformer.mesh import FloatArray, IntArray
 _CHECKPOINT_SECONDS = 30.0
 # Copying the weights costs as much as a third of a step on small sets.
 _BEST_EVERY = 10
+# Mixed shapes that the principal components are taken from, beside the examples.
+_INITIAL_MIXED = 128
+_WARM_UP = 30
 _CHECKPOINT_FORMAT = 1
 
 
@@ -49,7 +55,7 @@ ProgressCallback = Callable[[TrainingProgress], None]
 
 @dataclass(frozen=True)
 class TrainingResult:
-    """The network with the lowest loss and how it came about."""
+    """The trained network and how it came about."""
 
     network: MeshAutoencoder
     loss: float
@@ -81,29 +87,48 @@ class _Mixer:
     The region is a geodesic disc about a random vertex with a soft rim; features blend linearly.
     """
 
-    def __init__(self, x: Tensor, geodesics: Geodesics, seed: int) -> None:
+    def __init__(self, x: Tensor, geodesics: Geodesics, generator: torch.Generator) -> None:
         self._x = x
         V = x.shape[0]
         # A few hundred fixed centres bound the geodesic rows that are ever needed.
-        pick = np.random.default_rng(seed)
-        vertices = pick.choice(V, size=min(V, 200), replace=False)
+        vertices = torch.randperm(V, generator=generator)[:200]
         rows = np.array([geodesics.normalised_row(int(i)) for i in vertices])
         rows[~np.isfinite(rows)] = 2.0
         self._rows = torch.as_tensor(rows, dtype=x.dtype, device=x.device)
-        self.generator = torch.Generator().manual_seed(seed)
+        self._generator = generator
 
     def __call__(self, count: int) -> Tensor:
         """Mixed shapes (V, count, 9)."""
         N = self._x.shape[1]
-        first = torch.randint(N, (count,), generator=self.generator)
-        second = torch.randint(N, (count,), generator=self.generator)
-        centre = torch.randint(len(self._rows), (count,), generator=self.generator)
-        radius = 0.1 + 0.4 * torch.rand(count, generator=self.generator)
+        first = torch.randint(N, (count,), generator=self._generator)
+        second = torch.randint(N, (count,), generator=self._generator)
+        centre = torch.randint(len(self._rows), (count,), generator=self._generator)
+        radius = 0.1 + 0.4 * torch.rand(count, generator=self._generator)
         device = self._x.device
         distance = self._rows[centre.to(device)].T
         weight = torch.sigmoid((distance - radius.to(device)) / 0.05)[:, :, None]
         a, b = self._x[:, first.to(device)], self._x[:, second.to(device)]
         return torch.lerp(a, b, weight)
+
+
+class _DeferredInterrupt:
+    """Turns Ctrl-C into a flag, so that a step is never cut in half; a second one is immediate."""
+
+    def __enter__(self) -> _DeferredInterrupt:
+        self.asked = False
+        # Signals can only be handled in the main thread; elsewhere Ctrl-C goes to that one anyway.
+        self._main = threading.current_thread() is threading.main_thread()
+        if self._main:
+            self._previous = signal.signal(signal.SIGINT, self._ask)
+        return self
+
+    def _ask(self, number: int, frame: object) -> None:
+        self.asked = True
+        signal.signal(signal.SIGINT, self._previous)
+
+    def __exit__(self, *error: object) -> None:
+        if self._main and not self.asked:
+            signal.signal(signal.SIGINT, self._previous)
 
 
 class _Run:
@@ -114,20 +139,24 @@ class _Run:
         network: MeshAutoencoder,
         optimiser: torch.optim.Adam,
         mixer: _Mixer | None,
+        generator: torch.Generator,
+        stochastic: bool,
         identity: dict[str, Any],
     ) -> None:
         self.network, self.optimiser, self.mixer = network, optimiser, mixer
+        self.generator = generator
+        self.stochastic = stochastic
         self.identity = identity
         self.mean: Tensor | None = None
         self.epoch = 0
         self.seconds = 0.0
-        self.best_loss = float("inf")
-        self.best_reconstruction = float("inf")
+        self.loss = float("inf")
+        self.reconstruction = float("inf")
         self.best = {k: v.detach().clone() for k, v in network.state_dict().items()}
 
     def keep_if_best(self, loss: float, reconstruction: float) -> None:
-        if loss < self.best_loss:
-            self.best_loss, self.best_reconstruction = loss, reconstruction
+        if loss < self.loss:
+            self.loss, self.reconstruction = loss, reconstruction
             for name, value in self.network.state_dict().items():
                 self.best[name].copy_(value)
 
@@ -139,15 +168,14 @@ class _Run:
         for index, state in self.optimiser.state_dict()["state"].items():
             for name, value in state.items():
                 tensors[f"adam.{index}.{name}"] = value.contiguous()
-        if self.mixer is not None:
-            tensors["generator"] = self.mixer.generator.get_state()
+        tensors["generator"] = self.generator.get_state()
         status = {
             "format": _CHECKPOINT_FORMAT,
             "identity": self.identity,
             "epoch": self.epoch,
             "seconds": self.seconds,
-            "best_loss": self.best_loss,
-            "best_reconstruction": self.best_reconstruction,
+            "loss": self.loss,
+            "reconstruction": self.reconstruction,
         }
         folder.mkdir(parents=True, exist_ok=True)
         # Both files carry the epoch in their name; the JSON is renamed last and names its tensors,
@@ -190,11 +218,10 @@ class _Run:
             self.best[name].copy_(value)
         groups = self.optimiser.state_dict()["param_groups"]
         self.optimiser.load_state_dict({"state": state, "param_groups": groups})
-        if self.mixer is not None:
-            self.mixer.generator.set_state(tensors["generator"])
+        self.generator.set_state(tensors["generator"])
         self.epoch, self.seconds = status["epoch"], status["seconds"]
-        self.best_loss = status["best_loss"]
-        self.best_reconstruction = status["best_reconstruction"]
+        self.loss = status["loss"]
+        self.reconstruction = status["reconstruction"]
 
 
 def _with_prefix(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
@@ -229,21 +256,26 @@ def fit(
         on_progress: called after every epoch.
 
     Returns:
-        The network (on the CPU) with the lowest loss seen. KeyboardInterrupt ends the training
-        early, saves the checkpoint and returns the best so far.
+        The network (on the CPU): with the lowest loss seen where every step sees all shapes, else
+        the newest. Ctrl-C ends the training early, after the step under way; the checkpoint is
+        saved and the network so far returned.
     """
     target = resolve_device(device)
     torch.manual_seed(seed)
     network = MeshAutoencoder(indptr, rings, config.components, config.layers).to(target)
     optimiser = torch.optim.Adam(network.parameters(), lr=config.learning_rate, fused=True)
     shapes = torch.as_tensor(np.swapaxes(x, 0, 1), dtype=torch.float32).contiguous().to(target)
-    mixer = _Mixer(shapes, geodesics, seed) if config.mixed_shapes and len(x) > 1 else None
     identity = {
         "config": config.as_dict(),
         "seed": seed,
         "shapes": [*x.shape, float(np.abs(x).sum()), float(x.std())],
     }
-    run = _Run(network, optimiser, mixer, identity)
+    generator = torch.Generator().manual_seed(seed)
+    mixer = _Mixer(shapes, geodesics, generator) if config.mixed_shapes and len(x) > 1 else None
+    if config.initial == "pca" and not resume:
+        network.start_from_components(_with_mixed(shapes, mixer, _INITIAL_MIXED))
+    stochastic = mixer is not None or 0 < config.batch < len(x)
+    run = _Run(network, optimiser, mixer, generator, stochastic, identity)
     with torch.no_grad():
         run.mean = network.mean(shapes)
     if resume:
@@ -251,29 +283,34 @@ def fit(
             raise InputError("resume: a checkpoint folder is needed")
         run.load(checkpoint)
     locality = losses.Locality(geodesics, config.d_min, config.d_max)
-    interrupted = False
     saved = begun = time.monotonic()
     spent_before = run.seconds
+    interrupted = False
     try:
-        while run.epoch < config.epochs:
-            terms = _step(run, shapes, config, locality)
-            run.epoch += 1
-            run.seconds = spent_before + time.monotonic() - begun
-            if on_progress is not None:
-                loss = sum(terms)
-                on_progress(TrainingProgress("training", run.epoch, config.epochs, loss, *terms))
-            if checkpoint is not None and time.monotonic() - saved > _CHECKPOINT_SECONDS:
-                run.save(checkpoint)
-                saved = time.monotonic()
-    except KeyboardInterrupt:
+        with _DeferredInterrupt() as interrupt:
+            while run.epoch < config.epochs and not interrupt.asked:
+                terms = _step(run, shapes, config, locality)
+                run.epoch += 1
+                run.seconds = spent_before + time.monotonic() - begun
+                if on_progress is not None:
+                    loss = sum(terms)
+                    on_progress(
+                        TrainingProgress("training", run.epoch, config.epochs, loss, *terms)
+                    )
+                if checkpoint is not None and time.monotonic() - saved > _CHECKPOINT_SECONDS:
+                    run.save(checkpoint)
+                    saved = time.monotonic()
+        interrupted = interrupt.asked
+    except KeyboardInterrupt:  # from the callback: between two steps, too
         interrupted = True
-        if checkpoint is not None:
-            run.save(checkpoint)
-    network.load_state_dict(run.best)
+    if interrupted and checkpoint is not None:
+        run.save(checkpoint)
+    if not run.stochastic:
+        network.load_state_dict(run.best)
     return TrainingResult(
         network.cpu().eval(),
-        run.best_loss,
-        run.best_reconstruction,
+        run.loss,
+        run.reconstruction,
         run.epoch,
         run.seconds,
         interrupted,
@@ -284,19 +321,38 @@ def _step(
     run: _Run, shapes: Tensor, config: ModelConfig, locality: losses.Locality
 ) -> tuple[float, float, float]:
     """One step on all shapes; returns the three weighted terms before the step."""
-    network = run.network
-    batch = shapes
+    network, N = run.network, shapes.shape[1]
+    batch, mean = shapes, run.mean
+    if 0 < config.batch < N:
+        drawn = torch.randperm(N, generator=run.generator)[: config.batch]
+        batch, mean = shapes[:, drawn.to(shapes.device)], None
     if run.mixer is not None:
-        batch = torch.cat([shapes, run.mixer(config.mixed_shapes)], dim=1)
+        batch, mean = _with_mixed(batch, run.mixer, config.mixed_shapes), None
+    for group in run.optimiser.param_groups:
+        group["lr"] = _learning_rate(config, run.epoch)
     run.optimiser.zero_grad(set_to_none=True)
-    estimate, z = network(batch, run.mean if run.mixer is None else None)
+    estimate, z = network(batch, mean)
     error = losses.reconstruction(batch, estimate)
     sparse = config.sparsity * losses.sparsity(network.C, locality.update(network.C))
     spread = config.range_weight * losses.latent_range(z, config.range_limit)
     loss = error + sparse + spread
     loss.backward()
     terms = error.item(), sparse.item(), spread.item()
-    if run.epoch % _BEST_EVERY == 0 or run.epoch == config.epochs - 1:
+    if run.stochastic:
+        # The loss of one batch does not tell which weights are best; the newest are kept.
+        run.loss, run.reconstruction = sum(terms), terms[0]
+    elif run.epoch % _BEST_EVERY == 0 or run.epoch == config.epochs - 1:
         run.keep_if_best(sum(terms), terms[0])
     run.optimiser.step()
     return terms
+
+
+def _with_mixed(x: Tensor, mixer: _Mixer | None, count: int) -> Tensor:
+    return x if mixer is None else torch.cat([x, mixer(count)], dim=1)
+
+
+def _learning_rate(config: ModelConfig, epoch: int) -> float:
+    if config.schedule == "constant":
+        return config.learning_rate
+    fall = 0.5 * (1.0 + math.cos(math.pi * epoch / config.epochs))
+    return config.learning_rate * (0.01 + 0.99 * fall) * min(1.0, (epoch + 1) / _WARM_UP)
