@@ -75,7 +75,7 @@ def _bridge_edges(v: FloatArray, count: int, labels: np.ndarray) -> np.ndarray:
     order = np.lexsort((distance, labels[others]))
     start: IntArray = np.unique(labels[others][order], return_index=True)[1]
     first = order[start]
-    return np.column_stack([others[first], base[nearest[first]]])
+    return np.column_stack([others[first], base[np.asarray(nearest)[first]]])
 
 
 class PoissonSystem:
