@@ -215,7 +215,7 @@ def test_an_interrupted_training_is_saved_and_resumed(shapes_path, tmp_path, run
     checkpoint = tmp_path / "model.checkpoint"
     try:
         assert process.stderr is not None
-        while not process.stderr.readline().startswith("training"):
+        while not process.stderr.readline().startswith("training 6/60"):
             assert process.poll() is None
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=60)
@@ -230,6 +230,8 @@ def test_an_interrupted_training_is_saved_and_resumed(shapes_path, tmp_path, run
 
     status, _, err = run(*command, "--resume")
     assert status == 0, err
+    epochs_told = [int(epoch) for epoch in re.findall(r"^training (\d+)/60", err, re.MULTILINE)]
+    assert epochs_told[0] > 6 and epochs_told[-1] == 60
     assert not checkpoint.exists()
     summary = deformer.load_model(model).summary
     assert summary["interrupted"] is False
