@@ -13,7 +13,7 @@ APPLICATION = ROOT / "app" / "deformer_app"
 
 # A module imports only from modules before it in this list: the one place to add a new one.
 ORDER = [
-    "errors", "mesh",
+    "errors", "parallel", "mesh",
     "_atomic", "_json_files", "_parsing", "_obj", "_off", "_ply", "_stl", "_glb", "io", "doctor",
     "geodesics", "rotations", "metrics",
     "rotation_field", "differentials", "cholesky", "features", "poisson",
