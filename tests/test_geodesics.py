@@ -131,6 +131,16 @@ def test_each_point_is_the_farthest_from_those_before():
     np.testing.assert_array_equal(farthest_points(geodesics, 5, start=chosen[:3]), chosen[:5])
 
 
+def test_points_are_different_even_where_all_distances_are_zero():
+    class Nowhere:
+        mesh = tube()
+
+        def row(self, vertex):
+            return np.zeros(len(self.mesh.vertices))
+
+    assert len(set(farthest_points(Nowhere(), 120, seed=0))) == 120
+
+
 def test_every_component_gets_a_point_early():
     mesh = two_components()
     labels = connected_components(mesh.faces, len(mesh.vertices))[1]

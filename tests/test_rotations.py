@@ -138,6 +138,20 @@ def test_left_and_right_jacobian_differ_by_the_rotation(axis, angle):
     np.testing.assert_allclose(J @ axis, axis, atol=1e-12)
 
 
+@settings(deadline=None)
+@given(axes, st.one_of(angles.filter(lambda angle: angle <= 1), st.floats(5e-5, 2e-4)))
+def test_exp_and_its_jacobian_by_their_power_series(axis, angle):
+    """exp(r) = Σ [r]×ᵏ / k!, J = Σ (−[r]×)ᵏ / (k+1)!: both sides of where formulas change."""
+    W, term = cross(angle * axis), np.eye(3)
+    R, J = np.eye(3), np.eye(3)
+    for k in range(1, 20):
+        term = term @ W / k
+        R += term
+        J += (-1) ** k * term / (k + 1)
+    np.testing.assert_allclose(log_to_rotation(angle * axis), R, atol=1e-14)
+    np.testing.assert_allclose(right_jacobian(angle * axis), J, atol=2e-12)
+
+
 def check_polar(T):
     """T = R S, R the rotation with the largest tr(Rᵀ T), as singular values give it."""
     size = np.abs(T).max() or 1.0
