@@ -223,6 +223,19 @@ def test_fitting_improves_on_encoding():
     assert better < 0.8 * e_rms(unseen, model.decode(encoded))
 
 
+def test_no_code_near_a_fit_is_better():
+    model, shape = small_model(), sequence(24).vertices[5]
+    z = model.fit(shape)
+    best = e_rms(shape, model.decode(z))
+    rng = np.random.default_rng(0)
+    factor = np.linalg.cholesky(model.latent_covariance)
+    for size in (1e-2, 0.1, 0.5):
+        for _ in range(10):
+            other = model.decode(z + size * factor @ rng.normal(size=6))
+            # But for the faint pull to the prior and where the iterations stop.
+            assert e_rms(shape, other) > 0.995 * best
+
+
 def test_fitting_recovers_what_was_decoded():
     """From any translation: the fit does not see it."""
     model = small_model()
