@@ -172,11 +172,9 @@ def check_polar(T):
 @settings(deadline=None)
 @given(matrices)
 def test_polar_of_any_matrix(T):
-    assume(np.diag(T).any())
     check_polar(T)
 
 
-@pytest.mark.xfail(strict=True, reason="Jacobi sweeps stop at once where the diagonal is zero")
 @pytest.mark.parametrize(
     "T",
     [
@@ -195,8 +193,7 @@ def test_polar_of_matrices_without_a_diagonal(T):
 @given(matrices, axes)
 def test_polar_of_singular_matrices(T, axis):
     for singular in (T @ (np.eye(3) - np.outer(axis, axis)), np.outer(T[0], axis)):
-        if np.diag(singular).any():
-            check_polar(singular)
+        check_polar(singular)
 
 
 @settings(deadline=None)
@@ -213,7 +210,7 @@ def test_polar_finds_the_factors(u, a, stretches, w, b):
 @given(matrices)
 def test_mirrored_matrix_keeps_a_proper_rotation(T):
     mirrored = T if np.linalg.det(T) < 0 else -T
-    assume(np.linalg.det(mirrored) < -1e-6 and np.diag(T).any())
+    assume(np.linalg.det(mirrored) < -1e-6)
     check_polar(mirrored)
     assert np.linalg.eigvalsh(polar(mirrored)[1])[0] < 0
 
