@@ -239,7 +239,9 @@ class FeatureExtractor:
         basis = np.zeros((6, 3, 3))
         basis[np.arange(6), STRETCH_ROWS, STRETCH_COLUMNS] = 1.0
         basis[np.arange(6), STRETCH_COLUMNS, STRETCH_ROWS] = 1.0
-        near = self._divergence[:, (3 * vertices[:, None] + np.arange(3)).ravel()]
+        # In units of the mesh: lsmr stops by absolute sizes, too.
+        unit = 1.0 / (float(np.abs(self._divergence.data).max()) or 1.0)
+        near = unit * self._divergence[:, (3 * vertices[:, None] + np.arange(3)).ravel()]
         # Row a of ∂T/∂s at each vertex, as blocks (3, 6) on the diagonal.
         A = sparse.vstack(
             [
@@ -247,7 +249,7 @@ class FeatureExtractor:
                 for a in range(3)
             ]
         )
-        change = lsmr(A, misfit.T.ravel(), atol=1e-10, btol=1e-10, maxiter=300)[0]
+        change = lsmr(A, unit * misfit.T.ravel(), atol=1e-10, btol=1e-10, maxiter=300)[0]
         q[vertices, 3:] += change.reshape(-1, 6)
 
 

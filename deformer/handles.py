@@ -3,26 +3,38 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
+from threadpoolctl import ThreadpoolController
 
-from deformer.differentials import arm_positions, arm_sensitivities
+from deformer.differentials import arm_positions
 from deformer.errors import InputError
+from deformer.features import features_to_gradients
+from deformer.landmarks import Grouping, choose_landmarks
 from deformer.mesh import FloatArray, IntArray
 from deformer.model import DeformationModel
-from deformer.relaxation import relax
-from deformer.rotations import log_to_rotation, right_jacobian
+from deformer.objective import ArmPositions, HandleObjective
+from deformer.relaxation import Relaxation
 
-# Prior standard deviations of the rigid motion: radians, and bounding diagonals.
-_ROTATION_SCALE = 0.3
-_TRANSLATION_SCALE = 1.0
-# Cold solves try this many of the training codes (spread over the latent space) and keep the
-# most promising few as starts beside the mean.
+# Vertices that stand for all while the latent code is searched.
+_LANDMARKS = 800
+# Cold solves try this many of the training codes (spread over the latent space), descend from the
+# mean and the most promising few, and finish the best ones exactly.
 _CANDIDATES = 32
 _STARTS = 3
+_FINISHED = 2
+# A frame of a drag: steps, the relative gain that ends them, and how far (relative, and in units
+# of the energy) the exact energy may lie above the one that the landmarks promised.
+_FRAME_STEPS = 4
+_FRAME_TOLERANCE = 1e-3
+_SURPRISE = 0.05
+# Rounds of rigid relaxation in a frame; they continue those of the frame before.
+_FRAME_ROUNDS = 1
 
 
 @dataclass(frozen=True)
@@ -71,11 +83,12 @@ class Pose:
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """Unknowns x = (y, ω, t): whitened code, rotation vector, translation in diagonals."""
+    """Unknowns x with the features (V, 9), handle positions (H, 3) and energy they give."""
 
     x: FloatArray
-    energy: float
     q: FloatArray
+    p: FloatArray
+    energy: float
 
 
 class HandleSolver:
@@ -108,18 +121,33 @@ class HandleSolver:
             raise InputError(f"noise: expected a positive number, got {noise}")
         self.model = model
         self.relaxation = relaxation
-        self._rigid = rigid
-        self._scale = noise * model.reference.bounding_diagonal
+        self._warm_rounds = min(relaxation, _FRAME_ROUNDS)
         self._decoder = model.decoder
         self._poisson = model.poisson
-        self._factor = model.prior.factor
-        self._candidates = _spread(
-            np.asarray(
-                np.linalg.solve(self._factor, (model.codes - model.prior.mean).T).T,
-                dtype=np.float64,
-            ),
-            _CANDIDATES,
+        self._relaxation = Relaxation(model.poisson)
+        factor = model.prior.factor
+        self._objective = HandleObjective(
+            prior=model.prior,
+            factor=factor,
+            centroid=model.poisson.centroid,
+            diagonal=model.reference.bounding_diagonal,
+            noise=noise,
+            rigid=rigid,
+            targets=np.zeros((0, 3)),
+            weights=np.zeros(0),
         )
+        white = np.linalg.solve(factor, (model.codes - model.prior.mean).T).T
+        self._candidates = _spread(np.asarray(white, dtype=np.float64), _CANDIDATES)
+        marks, labels = choose_landmarks(
+            self._decoder, factor, model.reference.vertices, _LANDMARKS
+        )
+        self._grouping = Grouping(labels, len(marks))
+        self._landmark_decoder = model.decoder_at(marks)
+        self._vertices: IntArray = np.empty(0, dtype=np.int64)
+        self._arm_array = np.empty((0, len(labels), 3))
+        self._landmark_arms = np.empty((0, len(marks), 3))
+        self._exact: IntArray = np.empty(0, dtype=np.int64)
+        self._exact_green = np.empty((0, len(labels)))
         self._green: dict[int, FloatArray] = {}
         self._arms: dict[int, FloatArray] = {}
         self._state: _State | None = None
@@ -196,14 +224,15 @@ class HandleSolver:
                 are tried, and the result does not depend on what was solved before.
         """
         begun = time.perf_counter()
-        if warm and self._state is not None:
-            best, steps = self._descend(self._state.x, 12)
-        else:
-            found = [self._descend(x, 40) for x in self._starts()]
-            steps = sum(count for _, count in found)
-            best = min((state for state, _ in found), key=lambda state: state.energy)
-        self._state = best
-        return self._pose(best, steps, begun)
+        with _one_blas_thread():
+            if warm and self._state is not None:
+                state, steps = self._follow(self._state)
+            else:
+                self._relaxation.reset()
+                state, steps = self._search()
+            pose = self._pose(state, steps, self._warm_rounds if warm else self.relaxation)
+        self._state = state
+        return replace(pose, milliseconds=1000.0 * (time.perf_counter() - begun))
 
     def drag(self, vertex: int, position: ArrayLike) -> Pose:
         """Move the target of one handle and solve from the last solution.
@@ -238,164 +267,136 @@ class HandleSolver:
                 self._green[vertex], self._arms[vertex] = row, arm
         for gone in [v for v in self._green if v not in set(vertices)]:
             del self._green[gone], self._arms[gone]
-        V = len(self.model.reference.vertices)
-        self._vertices: IntArray = np.array(vertices, dtype=np.int64)
-        self._arm_array = (
-            np.stack([self._arms[v] for v in vertices]) if vertices else np.empty((0, V, 3))
-        )
+        if vertices != self._vertices.tolist():
+            self._vertices = np.array(vertices, dtype=np.int64)
+            V = len(self.model.reference.vertices)
+            self._arm_array = np.array([self._arms[v] for v in vertices]).reshape(-1, V, 3)
+            self._landmark_arms = self._grouping.arms(self._arm_array)
+            if self._state is not None:
+                p = arm_positions(self._state.q, self._arm_array)
+                self._state = replace(self._state, p=p)
         place = {v: n for n, v in enumerate(vertices)}
-        self._weights = np.zeros(len(vertices))
+        weights = np.zeros(len(vertices))
         self._targets = np.zeros((len(vertices), 3))
         self._hard = np.zeros(len(vertices), dtype=bool)
         for handle in handles:
             n = place[handle.vertex]
-            self._weights[n] += handle.weight
+            weights[n] += handle.weight
             self._targets[n] += handle.weight * np.array(handle.target)
             self._hard[n] |= handle.hard
         if vertices:
-            self._targets /= self._weights[:, None]
+            self._targets /= weights[:, None]
+        exact = self._vertices[self._hard]
+        if exact.tolist() != self._exact.tolist():
+            self._exact = exact
+            self._exact_green = np.array([self._green[v] for v in exact.tolist()])
+        self._objective = replace(self._objective, targets=self._targets, weights=weights)
 
-    def _features(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Latent code and features (V, 9) of the unknowns."""
-        z = self.model.prior.mean + self._factor @ x[: self.model.components]
-        return z, self._decoder.features(z)
+    def _evaluate(self, x: FloatArray, fast: bool = True) -> _State:
+        z = self._objective.code(x)
+        q = self._decoder.fast_features(z) if fast else self._decoder.features(z)
+        p = arm_positions(q, self._arm_array)
+        return _State(x, q, p, self._objective.energy(x, p))
 
-    def _prior_terms(self, x: FloatArray) -> FloatArray:
-        terms = x.copy()
-        K = self.model.components
-        terms[K : K + 3] /= _ROTATION_SCALE
-        terms[K + 3 :] /= _TRANSLATION_SCALE
-        return terms
+    def _landmark_positions(self, state: _State | None) -> ArmPositions:
+        """Handle positions by landmarks, exact at `state`."""
+        handles = ArmPositions(self._landmark_decoder, self._landmark_arms)
+        if state is not None:
+            handles.offset = state.p - handles.positions(self._objective.code(state.x))
+        return handles
 
-    def _move(self, x: FloatArray, p: FloatArray) -> FloatArray:
-        """Rigid motion of points (n, 3) given relative to the reference's centroid."""
-        K = self.model.components
-        D = self.model.reference.bounding_diagonal
-        return p @ log_to_rotation(x[K : K + 3]).T + self._poisson.centroid + D * x[K + 3 :]
-
-    def _misfit(self, x: FloatArray, p: FloatArray) -> FloatArray:
-        """Weighted handle residuals (H, 3) of handle positions p relative to the centroid."""
-        return (np.sqrt(self._weights) / self._scale)[:, None] * (self._move(x, p) - self._targets)
-
-    def _evaluate(self, x: FloatArray) -> _State:
-        _, q = self._features(x)
-        misfit = self._misfit(x, arm_positions(q, self._arm_array))
-        prior = self._prior_terms(x)
-        return _State(x, float((misfit**2).sum() + prior @ prior), q)
-
-    def _descend(self, x: FloatArray, limit: int) -> tuple[_State, int]:
-        """Levenberg–Marquardt from x; the energy never rises."""
-        state = self._evaluate(x)
-        K = self.model.components
-        active = np.arange(K + 6 if self._rigid else K)
-        scale = np.ones(K + 6)
-        scale[K : K + 3] = _ROTATION_SCALE**-2
-        scale[K + 3 :] = _TRANSLATION_SCALE**-2
-        damping = 1e-3
-        for step_count in range(limit):
-            J, misfit = self._jacobian(state)
-            H = J.T @ J + np.diag(scale)
-            gradient = J.T @ misfit + scale * state.x
-            H, gradient = H[np.ix_(active, active)], gradient[active]
-            accepted = None
-            while damping < 1e8:
-                step = np.zeros(K + 6)
-                step[active] = np.linalg.solve(H + damping * np.diag(np.diag(H)), -gradient)
-                trial = self._evaluate(state.x + step)
-                if trial.energy <= state.energy:
-                    accepted = trial
-                    break
-                damping *= 8.0
-            if accepted is None:
-                return state, step_count
-            gain = state.energy - accepted.energy
-            state = accepted
-            damping = max(damping / 8.0, 1e-9)
-            if gain <= 1e-5 * state.energy + 1e-9:
-                return state, step_count + 1
-        return state, limit
-
-    def _jacobian(self, state: _State) -> tuple[FloatArray, FloatArray]:
-        """Derivative (3H, K+6) of the weighted misfit and the misfit (3H,)."""
-        K = self.model.components
-        D = self.model.reference.bounding_diagonal
-        H = len(self._vertices)
-        z = self.model.prior.mean + self._factor @ state.x[:K]
-        p, g = arm_sensitivities(state.q, self._arm_array)
-        V = len(self.model.reference.vertices)
-        latent = self._decoder.pull_back(z, g.reshape(3 * H, V, 9)) @ self._factor
-        omega = state.x[K : K + 3]
-        Q = log_to_rotation(omega)
-        J = np.empty((H, 3, K + 6))
-        J[:, :, :K] = np.einsum("ab,hbk->hak", Q, latent.reshape(H, 3, K))
-        # ∂(exp(ω) p)/∂ω = −exp(ω) [p]× J_right(ω)
-        J[:, :, K : K + 3] = -Q @ _cross_matrices(p) @ right_jacobian(omega)
-        J[:, :, K + 3 :] = D * np.eye(3)
-        J *= (np.sqrt(self._weights) / self._scale)[:, None, None]
-        return J.reshape(3 * H, K + 6), self._misfit(state.x, p).ravel()
-
-    def _starts(self) -> list[FloatArray]:
-        """The prior's mean and the training codes that fit the handles best, rigidly placed."""
-        K = self.model.components
-        mean = self._place(np.zeros(K + 6))
-        if len(self._vertices) == 0:
-            return [mean]
-        scored = []
-        for y in self._candidates:
-            x = self._place(np.concatenate([y, np.zeros(6)]))
-            scored.append((self._evaluate(x).energy, x))
-        scored.sort(key=lambda entry: entry[0])
-        return [mean, *(x for _, x in scored[:_STARTS])]
-
-    def _place(self, x: FloatArray) -> FloatArray:
-        """Translate the shape of x so that the handles' weighted centroid is the targets'."""
-        if not self._rigid or len(self._vertices) == 0:
-            return x
-        _, q = self._features(x)
-        w = self._weights / self._weights.sum()
-        offset = w @ self._targets - w @ self._move(x, arm_positions(q, self._arm_array))
-        placed = x.copy()
-        placed[-3:] += offset / self.model.reference.bounding_diagonal
-        return placed
-
-    def _pose(self, state: _State, steps: int, begun: float) -> Pose:
-        z, q = self._features(state.x)
-        K = self.model.components
-        D = self.model.reference.bounding_diagonal
-        free = self._poisson.reconstruct(q) - self._poisson.centroid
-        p = self._move(state.x, free)
-        if self._hard.any():
-            chosen = np.flatnonzero(self._hard)
-            green = np.stack([self._green[int(v)] for v in self._vertices[chosen]])
-            p = relax(
-                self._poisson,
-                p,
-                green,
-                self._vertices[chosen],
-                self._targets[chosen],
-                self.relaxation,
+    def _follow(self, state: _State) -> tuple[_State, int]:
+        """One frame from the last solution: descend by landmarks, then look at all vertices."""
+        # The targets may have moved: the energy of the old unknowns is another now.
+        state = replace(state, energy=self._objective.energy(state.x, state.p))
+        x, promised, steps = self._objective.descend(
+            self._landmark_positions(state), state.x, _FRAME_STEPS, _FRAME_TOLERANCE
+        )
+        found = self._evaluate(x)
+        if found.energy > promised + _SURPRISE * abs(promised) + _SURPRISE:
+            better = found if found.energy < state.energy else state
+            x, _, more = self._objective.descend(
+                self._landmark_positions(better), better.x, _FRAME_STEPS, _FRAME_TOLERANCE
             )
-        targets = np.array([handle.target for handle in self._handles]).reshape(-1, 3)
+            again, steps = self._evaluate(x), steps + more
+            found = min((again, found), key=lambda entry: entry.energy)
+        return min((state, found), key=lambda entry: entry.energy), steps
+
+    def _search(self) -> tuple[_State, int]:
+        """Several starts by landmarks; the two best are finished with all vertices."""
+        objective, handles = self._objective, self._landmark_positions(None)
+        starts = self._starts(handles)
+        coarse = [objective.descend(handles, x, 40) for x in starts]
+        coarse.sort(key=lambda entry: entry[1])
+        steps = sum(entry[2] for entry in coarse)
+        finished = []
+        for x, _, _ in coarse[:_FINISHED]:
+            state = self._evaluate(x)
+            for _ in range(4):
+                x, _, more = objective.descend(self._landmark_positions(state), state.x, 10)
+                steps += more
+                found = self._evaluate(x)
+                if found.energy >= state.energy * (1.0 - 1e-3):
+                    break
+                state = found
+            exact = ArmPositions(self._decoder, self._arm_array)
+            x, _, more = objective.descend(exact, state.x, 10)
+            finished.append(self._evaluate(x, fast=False))
+            steps += more
+        return min(finished, key=lambda state: state.energy), steps
+
+    def _starts(self, handles: ArmPositions) -> list[FloatArray]:
+        """The prior's mean and the training codes that fit the handles best, rigidly placed."""
+        objective = self._objective
+        zero = np.zeros(objective.size)
+        if len(self._vertices) == 0:
+            return [zero]
+        scored = []
+        for y in np.vstack([np.zeros((1, objective.size - 6)), self._candidates]):
+            x = np.concatenate([y, np.zeros(6)])
+            p = handles.positions(objective.code(x))
+            x = objective.placed(x, p)
+            scored.append((objective.energy(x, p), x))
+        others = sorted(scored[1:], key=lambda entry: entry[0])[:_STARTS]
+        return [scored[0][1], *(x for _, x in others)]
+
+    def _pose(self, state: _State, steps: int, rounds: int) -> Pose:
+        objective = self._objective
+        free = self._poisson.solve(features_to_gradients(state.q)) - self._poisson.centroid
+        if self._hard.any():
+            # In the frame of the model: the rigid motion is taken off the targets.
+            goals = self._targets[self._hard]
+            back = objective.move_back(state.x, goals)
+            p = self._relaxation.solve(free, self._exact_green, self._exact, back, rounds)
+            p = objective.move(state.x, p)
+            p[self._exact] = goals
+        else:
+            p = objective.move(state.x, free)
+        asked = np.array([handle.target for handle in self._handles]).reshape(-1, 3)
         index = np.array([handle.vertex for handle in self._handles], dtype=np.int64)
         return Pose(
             vertices=p,
-            z=z,
-            rotation=state.x[K : K + 3].copy(),
-            translation=D * state.x[K + 3 :],
-            residual=np.linalg.norm(p[index] - targets, axis=1),
+            z=objective.code(state.x),
+            rotation=state.x[-6:-3].copy(),
+            translation=objective.diagonal * state.x[-3:],
+            residual=np.linalg.norm(p[index] - asked, axis=1),
             iterations=steps,
-            milliseconds=1000.0 * (time.perf_counter() - begun),
-            prior_distance=float(np.linalg.norm(state.x[:K])),
+            milliseconds=0.0,
+            prior_distance=float(np.linalg.norm(state.x[:-6])),
             energy=state.energy,
         )
 
 
-def _cross_matrices(p: FloatArray) -> FloatArray:
-    """Matrices (n, 3, 3) with [p]× v = p × v."""
-    out = np.zeros((len(p), 3, 3))
-    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -p[:, 2], p[:, 1], -p[:, 0]
-    out[:, 1, 0], out[:, 2, 0], out[:, 2, 1] = p[:, 2], -p[:, 1], p[:, 0]
-    return out
+@contextmanager
+def _one_blas_thread() -> Iterator[None]:
+    """The matrices of a solve are small: more BLAS threads only wait for each other."""
+    with _blas().limit(limits=1, user_api="blas"):
+        yield
+
+
+@cache
+def _blas() -> ThreadpoolController:
+    return ThreadpoolController()
 
 
 def _spread(points: FloatArray, count: int) -> FloatArray:

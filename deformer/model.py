@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file, save
 
 from deformer._atomic import atomic_directory
 from deformer.autoencoder import MeshAutoencoder, ModelConfig, resolve_config
@@ -25,11 +25,17 @@ from deformer.features import FeatureExtractor, FeatureScaler, extract_all
 from deformer.geodesics import Geodesics
 from deformer.io import load_mesh, save_mesh, write_json
 from deformer.latent import LatentPrior, fit_prior
-from deformer.mesh import FloatArray, Mesh, MeshSequence, connectivity_hash
+from deformer.mesh import FloatArray, IntArray, Mesh, MeshSequence, connectivity_hash, one_rings
 from deformer.metrics import e_rms
 from deformer.poisson import PoissonSystem
 from deformer.rotations import procrustes
-from deformer.training import ProgressCallback, TrainingProgress, fit
+from deformer.training import (
+    ProgressCallback,
+    TrainingProgress,
+    fit,
+    has_checkpoint,
+    resolve_device,
+)
 
 FORMAT_VERSION = 1
 _FILES = ("model.json", "reference.ply", "weights.safetensors")
@@ -97,6 +103,11 @@ class DeformationModel:
         """The decoder as float64 arrays."""
         extractor = self.extractor
         return Decoder(self.network, self.scaler, extractor.indptr, extractor.rings)
+
+    def decoder_at(self, vertices: IntArray) -> Decoder:
+        """The decoder restricted to some vertices."""
+        extractor = self.extractor
+        return Decoder(self.network, self.scaler, extractor.indptr, extractor.rings, vertices)
 
     def encode(self, vertices: ArrayLike) -> FloatArray:
         """Latent codes of shapes: (V, 3) to (K,), or (N, V, 3) to (N, K).
@@ -221,26 +232,23 @@ class DeformationModel:
             tensors["latent_covariance"] = torch.from_numpy(
                 np.ascontiguousarray(self.prior.covariance)
             )
-            save_file({k: v.contiguous() for k, v in tensors.items()}, folder / _FILES[2])
+            weights = save({k: v.contiguous() for k, v in tensors.items()})
+            (folder / _FILES[2]).write_bytes(weights)
             V = len(self.reference.vertices)
             scaler = self.scaler
-            write_json(
-                folder / "model.json",
-                {
-                    "format": FORMAT_VERSION,
-                    "connectivity": connectivity_hash(self.reference.faces, V),
-                    "vertices": V,
-                    "faces": len(self.reference.faces),
-                    "config": self.config.as_dict(),
-                    "scaler": {
-                        "r": [scaler.r_min, scaler.r_max],
-                        "s": [scaler.s_min, scaler.s_max],
-                    },
-                    "split": self.split,
-                    "summary": self.summary,
-                    "sha256": {name: _digest(folder / name) for name in _FILES[1:]},
-                },
-            )
+            description = {
+                "format": FORMAT_VERSION,
+                "connectivity": connectivity_hash(self.reference.faces, V),
+                "vertices": V,
+                "faces": len(self.reference.faces),
+                "config": self.config.as_dict(),
+                "scaler": {"r": [scaler.r_min, scaler.r_max], "s": [scaler.s_min, scaler.s_max]},
+                "split": self.split,
+                "summary": self.summary,
+                "sha256": {name: _digest(folder / name) for name in _FILES[1:]},
+            }
+            description["sha256"]["model.json"] = _digest_of_description(description)
+            write_json(folder / "model.json", description)
 
 
 def encode_features(network: MeshAutoencoder, x: FloatArray) -> FloatArray:
@@ -270,6 +278,7 @@ def train(
     reference: int | None = None,
     seed: int = 0,
     device: str = "auto",
+    up: str = "y",
     checkpoint: str | Path | None = None,
     resume: bool = False,
     on_progress: ProgressCallback | None = None,
@@ -287,6 +296,7 @@ def train(
             where 0 is not one of them.
         seed: of weights and mixed shapes.
         device: "cpu", "cuda", "mps" or "auto".
+        up: axis of the shapes that points up, "x" to "z" or "-x" to "-z"; kept for pictures.
         checkpoint: folder for checkpoints, or None.
         resume: continue from `checkpoint`.
         on_progress: called during feature extraction and after every epoch.
@@ -299,7 +309,12 @@ def train(
         InputError: too few shapes, a bad split, config, device or checkpoint.
     """
     settings = resolve_config(config, components=components, epochs=epochs, align=align_shapes)
-    split = split or {"train": list(range(len(shapes))), "test": []}
+    resolve_device(device)
+    if up.removeprefix("-") not in ("x", "y", "z"):
+        raise InputError(f"up: expected x, y, z, -x, -y or -z, got {up!r}")
+    if resume and (checkpoint is None or not has_checkpoint(checkpoint)):
+        raise InputError(f"{checkpoint}: no checkpoint to resume; start without resuming")
+    split = {"train": list(range(len(shapes))), "test": [], **(split or {})}
     if len(split["train"]) < 2:
         raise InputError(
             f"train needs at least 2 training shapes, got {len(split['train'])}; add examples"
@@ -307,6 +322,7 @@ def train(
     if reference is None:
         reference = 0 if 0 in split["train"] else split["train"][0]
     base = shapes.mesh(reference)
+    held_out = shapes.subset(split["test"]).vertices if split["test"] else None
     chosen = shapes.subset(split["train"]).vertices
     if settings.align:
         chosen = align(chosen, base.vertices)
@@ -338,6 +354,7 @@ def train(
         "train": len(split["train"]),
         "test": len(split["test"]),
         "reference": reference,
+        "up": up,
         "seed": seed,
         "epochs": result.epochs,
         "interrupted": result.interrupted,
@@ -351,11 +368,10 @@ def train(
         base, settings, scaler, result.network, codes, fit_prior(codes), split, summary
     )
     summary["train_e_rms"] = e_rms(chosen, model.decode(codes))
-    if split["test"]:
-        test = shapes.subset(split["test"]).vertices
+    if held_out is not None:
         if settings.align:
-            test = align(test, base.vertices)
-        summary["test_e_rms"] = e_rms(test, model.decode(model.encode(test)))
+            held_out = align(held_out, base.vertices)
+        summary["test_e_rms"] = e_rms(held_out, model.decode(model.encode(held_out)))
     return model
 
 
@@ -386,18 +402,31 @@ def load_model(path: str | Path) -> DeformationModel:
             raise InputError(
                 f"{folder / name}: missing, a model has {', '.join(_FILES)}; save it again"
             )
+    where = folder / "model.json"
     try:
-        data = json.loads((folder / "model.json").read_text(encoding="utf-8"))
+        data = json.loads(where.read_text(encoding="utf-8"))
         version = data["format"]
     except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{folder / 'model.json'}: not a model description ({error})") from error
+        raise InputError(f"{where}: not a model description ({error}); restore it") from error
     if version != FORMAT_VERSION:
         raise InputError(
-            f"{folder / 'model.json'}: format version {version}, expected {FORMAT_VERSION}; "
+            f"{where}: format version {version}, expected {FORMAT_VERSION}; "
             "retrain, or use the release that wrote it"
         )
+    try:
+        return _assemble(folder, data)
+    except InputError:
+        raise
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"{where}: incomplete or not of these weights ({reason})") from error
+
+
+def _assemble(folder: Path, data: dict[str, Any]) -> DeformationModel:
+    """The model of a folder with the description `data`, once its files are what they were."""
     for name, digest in data["sha256"].items():
-        if _digest(folder / name) != digest:
+        found = _digest_of_description(data) if name == "model.json" else _digest(folder / name)
+        if found != digest:
             raise InputError(
                 f"{folder / name}: altered since the model was saved (checksum differs); "
                 "restore the file or retrain"
@@ -412,12 +441,12 @@ def load_model(path: str | Path) -> DeformationModel:
     except SafetensorError as error:
         raise InputError(f"{folder / 'weights.safetensors'}: unreadable ({error})") from error
     config = ModelConfig(**data["config"])
-    extractor = FeatureExtractor(mesh)
-    network = MeshAutoencoder(extractor.indptr, extractor.rings, config.components, config.layers)
+    indptr, rings = one_rings(mesh.faces, len(mesh.vertices))
+    network = MeshAutoencoder(indptr, rings, config.components, config.layers)
     network.load_state_dict(
         {k.removeprefix("network."): v for k, v in tensors.items() if k.startswith("network.")}
     )
-    model = DeformationModel(
+    return DeformationModel(
         mesh,
         config,
         FeatureScaler(*data["scaler"]["r"], *data["scaler"]["s"]),
@@ -427,7 +456,13 @@ def load_model(path: str | Path) -> DeformationModel:
         data["split"],
         data["summary"],
     )
-    return model
+
+
+def _digest_of_description(data: dict[str, Any]) -> str:
+    """SHA-256 of the description without its own checksum, however it is indented."""
+    sums = {name: digest for name, digest in data["sha256"].items() if name != "model.json"}
+    text = json.dumps({**data, "sha256": sums}, sort_keys=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _digest(path: Path) -> str:

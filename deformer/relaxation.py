@@ -2,41 +2,89 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 
 from deformer.mesh import FloatArray, IntArray
+from deformer.parallel import over_ranges
 from deformer.poisson import PoissonSystem
-from deformer.rotations import closest_rotation_
+from deformer.rotations import exp_
+
+# Fixed-point steps of the local rotation fits: the first round of a cold start, every later one.
+_FIRST_STEPS = 8
+_STEPS = 2
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _local_rotations(indptr, rings, c, rest, p, R):
-    """R_i closest to Σ_j c_ij (p_i − p_j)(rest_i − rest_j)ᵀ (Sorkine and Alexa 2007)."""
-    B = np.empty((3, 3))
-    for i in range(len(rest)):
-        B[:] = 0.0
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _local(start, stop, part, indptr, rings, c, rest, p, R, steps):
+    """R_i towards the rotation closest to A_i = Σ_j c_ij (p_i − p_j) g_ijᵀ, from where it was.
+
+    g_ij = rest_i − rest_j. The fixed-point iteration of Müller et al. (A Robust Method to Extract
+    the Rotational Part of Deformations, 2016) needs no decomposition and holds for flat rings,
+    whose A is singular.
+    """
+    A = np.empty((3, 3))
+    w = np.empty(3)
+    D = np.empty((3, 3))
+    new = np.empty((3, 3))
+    for i in range(start, stop):
+        A[:] = 0.0
         for k in range(indptr[i], indptr[i + 1]):
             j = rings[k]
+            gx = c[k] * (rest[i, 0] - rest[j, 0])
+            gy = c[k] * (rest[i, 1] - rest[j, 1])
+            gz = c[k] * (rest[i, 2] - rest[j, 2])
             for a in range(3):
-                e = c[k] * (p[i, a] - p[j, a])
+                e = p[i, a] - p[j, a]
+                A[a, 0] += e * gx
+                A[a, 1] += e * gy
+                A[a, 2] += e * gz
+        Ri = R[i]
+        for _ in range(steps):
+            trace = 0.0
+            w[:] = 0.0
+            for b in range(3):
+                trace += Ri[0, b] * A[0, b] + Ri[1, b] * A[1, b] + Ri[2, b] * A[2, b]
+                w[0] += Ri[1, b] * A[2, b] - Ri[2, b] * A[1, b]
+                w[1] += Ri[2, b] * A[0, b] - Ri[0, b] * A[2, b]
+                w[2] += Ri[0, b] * A[1, b] - Ri[1, b] * A[0, b]
+            length = math.sqrt(w[0] ** 2 + w[1] ** 2 + w[2] ** 2)
+            # A near-zero trace (a ring turned by 90° or collapsed) must not spin wildly.
+            turn = max(abs(trace), length)
+            if not length > 1e-12 * turn:
+                break
+            for a in range(3):
+                w[a] /= turn
+            exp_(w, D)
+            for a in range(3):
                 for b in range(3):
-                    B[a, b] += e * (rest[i, b] - rest[j, b])
-        closest_rotation_(B, R[i])
+                    new[a, b] = D[a, 0] * Ri[0, b] + D[a, 1] * Ri[1, b] + D[a, 2] * Ri[2, b]
+            for a in range(3):
+                for b in range(3):
+                    Ri[a, b] = new[a, b]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _rotated_rhs(indptr, rings, c, rest, R, b):
-    """b_i = Σ_j ½ c_ij (R_i + R_j)(rest_i − rest_j)."""
-    for i in range(len(rest)):
-        b[i] = 0.0
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _rotated_rhs(start, stop, part, indptr, rings, c, rest, R, b):
+    """b_i = Σ_j c_ij ½ (R_i + R_j) (rest_i − rest_j)."""
+    for i in range(start, stop):
+        bx = by = bz = 0.0
         for k in range(indptr[i], indptr[i + 1]):
             j = rings[k]
-            for a in range(3):
-                total = 0.0
-                for d in range(3):
-                    total += (R[i, a, d] + R[j, a, d]) * (rest[i, d] - rest[j, d])
-                b[i, a] += 0.5 * c[k] * total
+            x = 0.5 * c[k] * (rest[i, 0] - rest[j, 0])
+            y = 0.5 * c[k] * (rest[i, 1] - rest[j, 1])
+            z = 0.5 * c[k] * (rest[i, 2] - rest[j, 2])
+            bx += (R[i, 0, 0] + R[j, 0, 0]) * x + (R[i, 0, 1] + R[j, 0, 1]) * y
+            bx += (R[i, 0, 2] + R[j, 0, 2]) * z
+            by += (R[i, 1, 0] + R[j, 1, 0]) * x + (R[i, 1, 1] + R[j, 1, 1]) * y
+            by += (R[i, 1, 2] + R[j, 1, 2]) * z
+            bz += (R[i, 2, 0] + R[j, 2, 0]) * x + (R[i, 2, 1] + R[j, 2, 1]) * y
+            bz += (R[i, 2, 2] + R[j, 2, 2]) * z
+        b[i, 0] = bx
+        b[i, 1] = by
+        b[i, 2] = bz
 
 
 def meet_exactly(
@@ -65,33 +113,63 @@ def meet_exactly(
     return moved
 
 
-def relax(
-    system: PoissonSystem,
-    rest: FloatArray,
-    green: FloatArray,
-    vertices: IntArray,
-    targets: FloatArray,
-    iterations: int,
-) -> FloatArray:
-    """As-rigid-as-possible positions (V, 3) that meet the targets exactly.
+class Relaxation:
+    """As-rigid-as-possible positions that meet targets exactly (Sorkine and Alexa 2007).
 
-    The decoded pose is the rest shape, so that the prior decides the pose and rigidity carries
-    the handles the last part of the way. Local steps fit one rotation a one-ring, global steps
-    are one back-substitution; L is the reference's, so nothing is factored here.
+    The decoded pose is the rest shape: the prior decides the pose, and rotations R_i of its
+    one-rings carry the handles the last part of the way. Minimises
+    Σ c_ij ‖(p_i − p_j) − R_i (rest_i − rest_j)‖² by global steps (a back-substitution; L is the
+    reference's, so nothing is factored) and local steps (rotations). The rotations are kept from
+    call to call, so that a drag goes on where it was.
 
     Args:
-        system: factored Laplacian.
-        rest: (V, 3) the decoded pose.
-        green: Green rows (H, V) of the handles.
-        vertices: (H,) different handle vertices.
-        targets: (H, 3).
-        iterations: local/global rounds; 0 is the Schur complement alone.
+        system: the factored Laplacian.
     """
-    p = meet_exactly(rest, green, vertices, targets)
-    R = np.empty((len(rest), 3, 3))
-    b = np.empty_like(rest)
-    for _ in range(iterations):
-        _local_rotations(system.indptr, system.rings, system.c, rest, p, R)
-        _rotated_rhs(system.indptr, system.rings, system.c, rest, R, b)
-        p = meet_exactly(system.back_substitute(b), green, vertices, targets)
-    return p
+
+    def __init__(self, system: PoissonSystem) -> None:
+        """Start without rotations."""
+        self._system = system
+        self._R: FloatArray | None = None
+
+    def reset(self) -> None:
+        """Forget the rotations: the next call starts from the decoded pose."""
+        self._R = None
+
+    def solve(
+        self,
+        rest: FloatArray,
+        green: FloatArray,
+        vertices: IntArray,
+        targets: FloatArray,
+        rounds: int,
+    ) -> FloatArray:
+        """Positions (V, 3).
+
+        Args:
+            rest: (V, 3) the decoded pose.
+            green: Green rows (H, V) of the handles.
+            vertices: (H,) different handle vertices.
+            targets: (H, 3).
+            rounds: of a global and a local step. A first call ends with a global step more; 0 is
+                the Schur complement alone. In a call that goes on from another, the last local
+                step is for the call that follows: it costs one back-substitution a round.
+        """
+        system, V = self._system, len(rest)
+        mesh = system.indptr, system.rings, system.c, rest
+        b = np.empty((V, 3))
+        if self._R is None:
+            R = np.tile(np.eye(3), (V, 1, 1))
+            p = meet_exactly(rest, green, vertices, targets)
+            for n in range(rounds):
+                over_ranges(_local, V, *mesh, p, R, _STEPS if n else _FIRST_STEPS)
+                over_ranges(_rotated_rhs, V, *mesh, R, b)
+                p = meet_exactly(system.back_substitute(b), green, vertices, targets)
+            self._R = R
+            return p
+        p = rest
+        for _ in range(max(rounds, 1)):
+            over_ranges(_rotated_rhs, V, *mesh, self._R, b)
+            p = meet_exactly(system.back_substitute(b), green, vertices, targets)
+            if rounds:
+                over_ranges(_local, V, *mesh, p, self._R, _STEPS)
+        return p

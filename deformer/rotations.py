@@ -120,7 +120,7 @@ def _closest_rotation_by_quaternion_(T, R):
             total += N[a, a] * N[a, a]
             for b in range(a + 1, 4):
                 off += N[a, b] * N[a, b]
-        if off <= 1e-32 * total or total == 0.0:
+        if off <= 1e-32 * (total + off):
             break
         for a in range(3):
             for b in range(a + 1, 4):

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
@@ -31,6 +32,7 @@ _BEST_EVERY = 10
 _INITIAL_MIXED = 128
 _WARM_UP = 30
 _CHECKPOINT_FORMAT = 1
+_CHECKPOINT_FILE = "checkpoint.json"
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,11 @@ class TrainingResult:
     epochs: int
     seconds: float
     interrupted: bool
+
+
+def has_checkpoint(folder: str | Path) -> bool:
+    """Whether `folder` holds something to resume."""
+    return (Path(folder) / _CHECKPOINT_FILE).is_file()
 
 
 def resolve_device(device: str) -> torch.device:
@@ -183,20 +190,20 @@ class _Run:
         name = f"epoch-{self.epoch:07d}.safetensors"
         with atomic_path(folder / name) as path:
             save_file({k: v.cpu() for k, v in tensors.items()}, path)
-        with atomic_path(folder / "checkpoint.json") as path:
+        with atomic_path(folder / _CHECKPOINT_FILE) as path:
             path.write_text(json.dumps({**status, "tensors": name}, indent=1) + "\n")
         for old in folder.glob("epoch-*.safetensors"):
             if old.name != name:
                 old.unlink()
 
     def load(self, folder: Path) -> None:
-        where = folder / "checkpoint.json"
+        where = folder / _CHECKPOINT_FILE
         if not where.is_file():
             raise InputError(f"{where}: no checkpoint to resume; start without --resume")
         try:
             status = json.loads(where.read_text())
             tensors = load_file(folder / status["tensors"])
-        except (ValueError, KeyError, OSError) as error:
+        except (ValueError, KeyError, OSError, SafetensorError) as error:
             raise InputError(f"{where}: not a readable checkpoint ({error}); delete it") from error
         if status["format"] != _CHECKPOINT_FORMAT or status["identity"] != self.identity:
             differing = [

@@ -18,7 +18,7 @@ ORDER = [
     "geodesics", "rotations", "metrics",
     "rotation_field", "differentials", "cholesky", "features", "poisson",
     "autoencoder", "decoder", "losses", "training", "latent", "model",
-    "relaxation", "handles", "baselines", "evaluation",
+    "relaxation", "landmarks", "objective", "handles", "baselines", "evaluation",
 ]  # fmt: skip
 RANK = {name: index for index, name in enumerate(ORDER)}
 

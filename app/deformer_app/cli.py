@@ -112,7 +112,7 @@ def train(
     components: Annotated[int, typer.Option(min=1, help="Latent dimensions K.")] = 50,
     epochs: Annotated[
         int | None,
-        typer.Option(min=1, help="Passes over the shapes.  [default: the configuration's]"),
+        typer.Option(min=1, help="Steps of the optimiser.  [default: the configuration's]"),
     ] = None,
     split: Annotated[
         Path | None,
@@ -121,13 +121,20 @@ def train(
         ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
-    device: Annotated[str, typer.Option(help="auto, cpu or cuda.")] = "auto",
+    device: Annotated[str, typer.Option(help="auto, cpu, cuda or mps.")] = "auto",
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on from the checkpoint of an interrupted run.")
     ] = False,
     config: Annotated[
         Config, typer.Option(help="default, or the network and losses of the paper.")
     ] = Config.default,
+    align: Annotated[
+        bool,
+        typer.Option(
+            "--align", help="First take each shape's rigid motion against the reference away."
+        ),
+    ] = False,
+    up: Annotated[str, typer.Option(help="Axis that points up, for pictures: x, y, z, -x…")] = "y",
     as_json: Json = False,
 ) -> None:
     """Learn a model from example shapes.
@@ -151,6 +158,8 @@ def train(
             split=parts,
             seed=seed,
             device=device,
+            align_shapes=align,
+            up=up,
             checkpoint=checkpoint,
             resume=resume,
             on_progress=report,

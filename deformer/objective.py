@@ -1,0 +1,185 @@
+"""The energy of a handle fit and its descent, over the unknowns x = (y, ω, t).
+
+y is the whitened latent code, z = μ + L y with Σ = L Lᵀ; ω a rotation vector and t a translation
+in bounding diagonals, both of a rigid motion about the reference's centroid.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from deformer.decoder import Decoder
+from deformer.differentials import arm_positions, arm_sensitivities
+from deformer.latent import LatentPrior
+from deformer.mesh import FloatArray
+from deformer.rotations import log_to_rotation, right_jacobian
+
+# Prior standard deviations of the rigid motion: radians, and bounding diagonals.
+_ROTATION_SCALE = 0.3
+_TRANSLATION_SCALE = 1.0
+
+
+class HandlePositions(Protocol):
+    """Handle positions as a function of the latent code, relative to the shape's centroid."""
+
+    def positions(self, z: FloatArray) -> FloatArray:
+        """Positions (H, 3)."""
+        ...
+
+    def linearised(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Positions (H, 3) and their derivative (H, 3, K)."""
+        ...
+
+
+class ArmPositions:
+    """Handle positions Σ_i T_i(z) a_h,i + offset_h over the vertices of a decoder.
+
+    Args:
+        decoder: of n vertices.
+        arms: (H, n, 3).
+        offset: (H, 3) added to the positions, or None.
+    """
+
+    def __init__(
+        self, decoder: Decoder, arms: FloatArray, offset: FloatArray | None = None
+    ) -> None:
+        """Keep the parts."""
+        self._decoder, self._arms = decoder, arms
+        self.offset = np.zeros((len(arms), 3)) if offset is None else offset
+
+    def positions(self, z: FloatArray) -> FloatArray:
+        """Positions (H, 3)."""
+        return arm_positions(self._decoder.features(z), self._arms) + self.offset
+
+    def linearised(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Positions (H, 3) and their derivative (H, 3, K)."""
+        p, g = arm_sensitivities(self._decoder.features(z), self._arms)
+        H = len(p)
+        J = self._decoder.pull_back(z, g.reshape(3 * H, *g.shape[2:]))
+        return p + self.offset, J.reshape(H, 3, len(z))
+
+
+@dataclass(frozen=True, eq=False)
+class HandleObjective:
+    """Σ_h w_h ‖Q p_h(z) + t − q_h‖² / (σ D)² + ‖y‖² + ‖ω‖²/s_ω² + ‖t‖²/s_t².
+
+    Args:
+        prior: of the latent code.
+        factor: its Cholesky factor L (K, K).
+        centroid: (3,) of the reference.
+        diagonal: D, bounding diagonal of the reference.
+        noise: σ.
+        rigid: whether ω and t are unknowns; otherwise they stay zero.
+        targets: (H, 3).
+        weights: (H,).
+    """
+
+    prior: LatentPrior
+    factor: FloatArray
+    centroid: FloatArray
+    diagonal: float
+    noise: float
+    rigid: bool
+    targets: FloatArray
+    weights: FloatArray
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns, K + 6."""
+        return len(self.prior.mean) + 6
+
+    def code(self, x: FloatArray) -> FloatArray:
+        """Latent code z (K,) of the unknowns."""
+        return self.prior.mean + self.factor @ x[:-6]
+
+    def move(self, x: FloatArray, p: FloatArray) -> FloatArray:
+        """Rigid motion of points (n, 3) given relative to the centroid."""
+        return p @ log_to_rotation(x[-6:-3]).T + self.centroid + self.diagonal * x[-3:]
+
+    def move_back(self, x: FloatArray, points: FloatArray) -> FloatArray:
+        """Inverse of `move`."""
+        return (points - self.centroid - self.diagonal * x[-3:]) @ log_to_rotation(x[-6:-3])
+
+    def energy(self, x: FloatArray, p: FloatArray) -> float:
+        """Value at x with handle positions p (H, 3) relative to the centroid."""
+        misfit = self._misfit(x, p)
+        return float((misfit**2).sum() + (self._stiffness() * x**2).sum())
+
+    def placed(self, x: FloatArray, p: FloatArray) -> FloatArray:
+        """The unknowns x, translated so that the handles' weighted centroid is the targets'."""
+        if not self.rigid or len(p) == 0:
+            return x
+        w = self.weights / self.weights.sum()
+        moved = x.copy()
+        moved[-3:] += (w @ self.targets - w @ self.move(x, p)) / self.diagonal
+        return moved
+
+    def descend(
+        self, handles: HandlePositions, x: FloatArray, limit: int, tolerance: float = 1e-5
+    ) -> tuple[FloatArray, float, int]:
+        """Levenberg–Marquardt from x; the energy never rises.
+
+        Returns:
+            x, energy, and the steps taken; it ends after `limit` steps, or when a step gains less
+            than `tolerance` of the energy.
+        """
+        stiffness = self._stiffness()
+        active = np.arange(self.size if self.rigid else self.size - 6)
+        energy = self.energy(x, handles.positions(self.code(x)))
+        damping = 1e-3
+        for count in range(limit):
+            p, dp = handles.linearised(self.code(x))
+            J, misfit = self._jacobian(x, p, dp), self._misfit(x, p).ravel()
+            H = (J.T @ J + np.diag(stiffness))[np.ix_(active, active)]
+            gradient = (J.T @ misfit + stiffness * x)[active]
+            while True:
+                trial = x.copy()
+                trial[active] -= np.linalg.solve(H + damping * np.diag(np.diag(H)), gradient)
+                value = self.energy(trial, handles.positions(self.code(trial)))
+                if value <= energy:
+                    break
+                damping *= 8.0
+                if damping > 1e8:
+                    return x, energy, count
+            gain = energy - value
+            x, energy = trial, value
+            damping = max(damping / 8.0, 1e-9)
+            if gain <= tolerance * energy + 1e-9:
+                return x, energy, count + 1
+        return x, energy, limit
+
+    def _stiffness(self) -> FloatArray:
+        stiffness = np.ones(self.size)
+        stiffness[-6:-3] = _ROTATION_SCALE**-2
+        stiffness[-3:] = _TRANSLATION_SCALE**-2
+        return stiffness
+
+    def _row_weights(self) -> FloatArray:
+        return np.sqrt(self.weights) / (self.noise * self.diagonal)
+
+    def _misfit(self, x: FloatArray, p: FloatArray) -> FloatArray:
+        return self._row_weights()[:, None] * (self.move(x, p) - self.targets)
+
+    def _jacobian(self, x: FloatArray, p: FloatArray, dp: FloatArray) -> FloatArray:
+        """Derivative (3H, K+6) of the misfit."""
+        H = len(p)
+        omega = x[-6:-3]
+        Q = log_to_rotation(omega)
+        J = np.empty((H, 3, self.size))
+        J[:, :, :-6] = Q @ (dp @ self.factor)
+        # ∂(exp(ω) p)/∂ω = −exp(ω) [p]× J_right(ω)
+        J[:, :, -6:-3] = -Q @ _cross_matrices(p) @ right_jacobian(omega)
+        J[:, :, -3:] = self.diagonal * np.eye(3)
+        J *= self._row_weights()[:, None, None]
+        return J.reshape(3 * H, self.size)
+
+
+def _cross_matrices(p: FloatArray) -> FloatArray:
+    """Matrices (n, 3, 3) with [p]× v = p × v."""
+    out = np.zeros((len(p), 3, 3))
+    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -p[:, 2], p[:, 1], -p[:, 0]
+    out[:, 1, 0], out[:, 2, 0], out[:, 2, 1] = p[:, 2], -p[:, 1], p[:, 0]
+    return out
