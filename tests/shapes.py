@@ -149,9 +149,19 @@ def sequence(count=12, around=8, rings=15):
     return MeshSequence(np.stack(poses), base.faces)
 
 
+def _trained(shapes, epochs) -> DeformationModel:
+    with warnings.catch_warnings():  # of torch, once a process, at the first sparse product
+        warnings.simplefilter("ignore")
+        return train(shapes, 6, epochs=epochs, device="cpu")
+
+
 @cache
 def small_model() -> DeformationModel:
     """A model of `sequence()` with 6 components, trained once for all tests (seconds)."""
-    with warnings.catch_warnings():  # of torch, once a process, at the first sparse product
-        warnings.simplefilter("ignore")
-        return train(sequence(), 6, epochs=600, device="cpu")
+    return _trained(sequence(), 600)
+
+
+@cache
+def large_model() -> DeformationModel:
+    """The same of 1,440 vertices: more than the solver looks at while it searches."""
+    return _trained(sequence(12, 24, 60), 120)

@@ -8,7 +8,7 @@ import pytest
 from deformer import Handle, HandleSolver
 from deformer.errors import InputError
 from deformer.rotations import log_to_rotation
-from shapes import small_model
+from shapes import large_model, small_model
 
 SPREAD = list(range(4, 120, 12))
 pytestmark = pytest.mark.filterwarnings("error")
@@ -174,14 +174,24 @@ def test_a_rigidly_moved_target_set_carries_the_pose(model, diagonal, angle):
     assert largest(there - goal) < bound * diagonal
 
 
-def test_a_translated_target_set_translates_the_pose(model, diagonal):
+@pytest.mark.parametrize("hard", [False, True])
+def test_a_translated_target_set_translates_the_pose(model, diagonal, hard):
     _, shape = pose_between(model)
     solver = HandleSolver(model)
-    solver.set_handles(SPREAD, shape[SPREAD])
+    solver.set_handles(SPREAD, shape[SPREAD], hard=hard)
     here = solver.solve().vertices
     move = np.array([3.0, -2.0, 1.0])
-    solver.set_handles(SPREAD, shape[SPREAD] + move)
+    solver.set_handles(SPREAD, shape[SPREAD] + move, hard=hard)
     assert largest(solver.solve().vertices - here - move) < 2e-3 * diagonal
+
+
+@pytest.mark.parametrize("angle", [0.5, 1.5])
+def test_hard_handles_turned_by_an_angle_turn_the_pose(model, diagonal, angle):
+    _, shape = pose_between(model)
+    R = log_to_rotation(angle * np.array([0.0, 0.6, 0.8]))
+    solver = HandleSolver(model)
+    solver.set_handles(SPREAD, shape[SPREAD] @ R.T + [1, 2, 3], hard=True)
+    assert largest(solver.solve().vertices - (shape @ R.T + [1, 2, 3])) < 0.01 * diagonal
 
 
 def test_without_rigid_motion_the_shape_stays(model, diagonal):
@@ -302,6 +312,49 @@ def test_dragging_ends_where_a_cold_solve_does(model, diagonal, hard):
         assert largest(pose.vertices - expected.vertices) < 0.02 * diagonal
         assert pose.energy == pytest.approx(expected.energy, rel=0.02, abs=1e-3)
     assert solver.handles[5] == Handle(116, tuple(goal), 1.0, hard)
+
+
+def test_a_warm_solve_of_other_handles_ends_where_a_cold_one_does(model, diagonal):
+    """Handles come between two frames; the last solution is only where to start."""
+    _, shape = pose_between(model)
+    _, goal = pose_between(model, 3, 4)
+    solver = HandleSolver(model)
+    solver.set_handles([4, 60], shape[[4, 60]])
+    solver.solve()
+    solver.set_handles(SPREAD, goal[SPREAD])
+    for _ in range(6):
+        warm = solver.solve(warm=True)
+    cold = solver.solve()
+    assert warm.energy == pytest.approx(cold.energy, rel=0.02, abs=1e-3)
+    assert largest(warm.vertices - cold.vertices) < 0.02 * diagonal
+
+
+@pytest.mark.parametrize("hard", [False, True])
+def test_a_mesh_of_more_vertices_than_are_searched(hard):
+    """The search may look at a part of the vertices; what it finds must hold for all."""
+    model = large_model()
+    diagonal = model.reference.bounding_diagonal
+    handles = np.arange(10, 1440, 130)
+    _, shape = pose_between(model)
+    solver = HandleSolver(model)
+    solver.set_handles(handles, shape[handles], hard=hard)
+    pose = solver.solve()
+    assert largest(pose.vertices - shape) < 0.01 * diagonal
+    if not hard:
+        # The energy is the one of all vertices: what is left at the handles, and the prior.
+        solver = HandleSolver(model, rigid=False, noise=0.01)
+        solver.set_handles(handles, shape[handles] * 1.05)
+        pose = solver.solve()
+        misfit = (pose.residual**2).sum() / (0.01 * diagonal) ** 2
+        assert pose.energy == pytest.approx(misfit + pose.prior_distance**2, rel=1e-4)
+    goal = shape[handles[-1]] + 0.05 * diagonal
+    solver.set_handles(handles, shape[handles], hard=hard)
+    solver.solve()
+    for s in np.linspace(0, 1, 7)[1:]:
+        dragged = solver.drag(handles[-1], (1 - s) * shape[handles[-1]] + s * goal)
+    cold = solver.solve()
+    assert dragged.energy == pytest.approx(cold.energy, rel=0.05, abs=0.05)
+    assert largest(dragged.vertices - cold.vertices) < 0.02 * diagonal
 
 
 def test_dragging_to_the_same_place_stays(model, diagonal):
