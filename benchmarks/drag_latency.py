@@ -9,6 +9,7 @@ one is trained for a few steps: its poses mean little then, its times are those 
 
 import argparse
 import time
+from itertools import pairwise
 
 import igl
 import numpy as np
@@ -90,7 +91,7 @@ def main() -> None:
         frames.append(time.perf_counter() - begun)
         steps.append(np.abs(pose.vertices - last).max())
         last = pose.vertices
-    mouse = max(np.linalg.norm(q - p, axis=1).max() for p, q in zip(path, path[1:], strict=False))
+    mouse = max(np.linalg.norm(q - p, axis=1).max() for p, q in pairwise(path))
     for _ in range(3):
         settled = solver.solve(warm=True)
     cold = solver.solve()

@@ -16,9 +16,6 @@ from deformer.mesh import IntArray
 
 FEATURES = 9
 
-# torch (2.6 to 2.13) says so once a process at the first sparse product; products are settled.
-warnings.filterwarnings("ignore", message="Sparse CSR tensor support is in beta")
-
 
 @dataclass(frozen=True)
 class ModelConfig:
@@ -141,7 +138,10 @@ def ring_sum(x: Tensor, crow: Tensor, rows: Tensor, columns: Tensor) -> Tensor:
         return torch.zeros_like(x).index_add_(0, rows, x[columns])
     ones = torch.ones(len(columns), dtype=x.dtype, device=x.device)
     size = (len(x), len(x))
-    return torch.sparse_csr_tensor(crow, columns, ones, size, check_invariants=False) @ x
+    with warnings.catch_warnings():
+        # torch (2.6 to 2.13) calls them beta once a process; products are settled.
+        warnings.filterwarnings("ignore", message="Sparse CSR tensor support is in beta")
+        return torch.sparse_csr_tensor(crow, columns, ones, size, check_invariants=False) @ x
 
 
 class _RingMean(torch.autograd.Function):

@@ -113,7 +113,7 @@ class HandleSolver:
         model: DeformationModel,
         *,
         rigid: bool = True,
-        noise: float = 0.005,
+        noise: float = 0.007,
         relaxation: int = 10,
     ) -> None:
         """Prepare the model's factorisations; handles are set later."""

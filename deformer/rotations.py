@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from deformer.mesh import FloatArray
 
-# Below this angle (radians) series replace the closed forms; both are exact to 1e-15 there.
-_SMALL = 1e-4
+# Below this angle (radians) series replace the closed forms.
+_SMALL = 1e-3
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -25,12 +25,12 @@ def exp_(r, R):
     x, y, z = r[0], r[1], r[2]
     t2 = x * x + y * y + z * z
     if t2 < _SMALL * _SMALL:
-        a = 1.0 - t2 / 6.0
-        b = 0.5 - t2 / 24.0
+        a = 1.0 - t2 / 6.0 * (1.0 - t2 / 20.0)
+        b = 0.5 - t2 / 24.0 * (1.0 - t2 / 30.0)
     else:
         t = math.sqrt(t2)
         a = math.sin(t) / t
-        b = (1.0 - math.cos(t)) / t2
+        b = 2.0 * math.sin(0.5 * t) ** 2 / t2
     R[0, 0] = 1.0 - b * (y * y + z * z)
     R[0, 1] = b * x * y - a * z
     R[0, 2] = b * x * z + a * y
@@ -48,11 +48,11 @@ def right_jacobian_(r, J):
     x, y, z = r[0], r[1], r[2]
     t2 = x * x + y * y + z * z
     if t2 < _SMALL * _SMALL:
-        b = 0.5 - t2 / 24.0
-        c = 1.0 / 6.0 - t2 / 120.0
+        b = 0.5 - t2 / 24.0 * (1.0 - t2 / 30.0)
+        c = 1.0 / 6.0 - t2 / 120.0 * (1.0 - t2 / 42.0)
     else:
         t = math.sqrt(t2)
-        b = (1.0 - math.cos(t)) / t2
+        b = 2.0 * math.sin(0.5 * t) ** 2 / t2
         c = (t - math.sin(t)) / (t2 * t)
     J[0, 0] = 1.0 - c * (y * y + z * z)
     J[0, 1] = c * x * y + b * z
