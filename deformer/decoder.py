@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 from scipy import sparse
 
 from deformer.autoencoder import GraphConv, MeshAutoencoder
@@ -138,6 +139,21 @@ class Decoder:
         for layer, y in zip(self._layers, outputs[1:], strict=True):
             dx = layer.push(dx, y)
         return outputs[-1] * self._gain + self._offset, dx * self._gain
+
+    @property
+    def pointwise(self) -> bool:
+        """Whether a vertex's features depend on one tanh of its own rows alone (one layer)."""
+        return not self._layers
+
+    def pointwise_slope(self, q: FloatArray) -> FloatArray:
+        """Derivative (n, 9) of features q (n, 9) with respect to the affine part's output."""
+        x = (q - self._offset) / self._gain
+        return (1.0 - x * x) * self._gain
+
+    def pull_back_affine(self, g: NDArray) -> FloatArray:
+        """Gradients (m, K) of gradients g (m, 9n) with respect to the affine part's output."""
+        flat = self._single.reshape(-1, self.components)
+        return (g @ flat).astype(np.float64)
 
     def pull_back(self, z: FloatArray, g: FloatArray) -> FloatArray:
         """Gradients (m, K) with respect to z of gradients g (m, n, 9) with respect to features."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from deformer.mesh import FloatArray
 from deformer.rotations import exp_, right_jacobian_
@@ -64,6 +65,41 @@ def _sensitivities(q, arms, p, g):
                 row[8] = z * a2
 
 
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _scaled_sensitivities(q, arms, scale, g):
+    """g[3h + d, 9i + m] = scale[i, m] ∂p_h,d / ∂q_i,m in single precision."""
+    R = np.empty((3, 3))
+    J = np.empty((3, 3))
+    for i in range(len(q)):
+        exp_(q[i, :3], R)
+        right_jacobian_(q[i, :3], J)
+        s = q[i, 3:]
+        e = scale[i]
+        for a in range(3):
+            for b in range(3):
+                J[a, b] *= e[b]
+        for h in range(len(arms)):
+            a0, a1, a2 = arms[h, i]
+            y0 = s[0] * a0 + s[1] * a1 + s[2] * a2
+            y1 = s[1] * a0 + s[3] * a1 + s[4] * a2
+            y2 = s[2] * a0 + s[4] * a1 + s[5] * a2
+            for d in range(3):
+                x, y, z = R[d, 0], R[d, 1], R[d, 2]
+                c0 = z * y1 - y * y2
+                c1 = x * y2 - z * y0
+                c2 = y * y0 - x * y1
+                row = g[3 * h + d, 9 * i : 9 * i + 9]
+                row[0] = c0 * J[0, 0] + c1 * J[1, 0] + c2 * J[2, 0]
+                row[1] = c0 * J[0, 1] + c1 * J[1, 1] + c2 * J[2, 1]
+                row[2] = c0 * J[0, 2] + c1 * J[1, 2] + c2 * J[2, 2]
+                row[3] = e[3] * (x * a0)
+                row[4] = e[4] * (x * a1 + y * a0)
+                row[5] = e[5] * (x * a2 + z * a0)
+                row[6] = e[6] * (y * a1)
+                row[7] = e[7] * (y * a2 + z * a1)
+                row[8] = e[8] * (z * a2)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _tangents(q, dq, dT):
     R = np.empty((3, 3))
@@ -114,6 +150,13 @@ def arm_sensitivities(q: FloatArray, arms: FloatArray) -> tuple[FloatArray, Floa
     g = np.empty((len(arms), 3, len(q), 9))
     _sensitivities(np.ascontiguousarray(q), arms, p, g)
     return p, g
+
+
+def scaled_sensitivities(q: FloatArray, arms: FloatArray, scale: FloatArray) -> NDArray:
+    """Gradient of handle positions times `scale` (V, 9): (3H, 9V), single precision."""
+    g = np.empty((3 * len(arms), 9 * len(q)), dtype=np.float32)
+    _scaled_sensitivities(q, arms, scale, g)
+    return g
 
 
 def gradient_tangents(q: FloatArray, dq: FloatArray) -> FloatArray:

@@ -28,6 +28,7 @@ from deformer.mesh import (
     cotan_weights,
     one_rings,
 )
+from deformer.parallel import over_ranges
 from deformer.rotation_field import continuous_logs
 from deformer.rotations import closest_rotation_, exp_, log_to_rotation
 
@@ -115,10 +116,10 @@ def _stretches(T, R, s):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _to_gradients(q, T):
+def _to_gradients(start, stop, part, q, T):
     """T = exp(r) S from features q (V,9)."""
     R = np.empty((3, 3))
-    for i in range(len(q)):
+    for i in range(start, stop):
         exp_(q[i, :3], R)
         s = q[i, 3:]
         for a in range(3):
@@ -134,7 +135,8 @@ def features_to_gradients(q: ArrayLike) -> FloatArray:
     if features.shape[-1] != 9:
         raise InputError(f"features: expected (..., 9), got {features.shape}")
     T = np.empty((*features.shape[:-1], 3, 3))
-    _to_gradients(features.reshape(-1, 9), T.reshape(-1, 3, 3))
+    flat = features.reshape(-1, 9)
+    over_ranges(_to_gradients, len(flat), flat, T.reshape(-1, 3, 3))
     return T
 
 

@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import ThreadpoolController
 
-from deformer.differentials import arm_positions
 from deformer.errors import InputError
 from deformer.features import features_to_gradients
 from deformer.landmarks import Grouping, choose_landmarks
 from deformer.mesh import FloatArray, IntArray
 from deformer.model import DeformationModel
-from deformer.objective import ArmPositions, HandleObjective
+from deformer.objective import ArmHandles, HandleObjective
 from deformer.relaxation import Relaxation
 
 # Vertices that stand for all while the latent code is searched.
@@ -83,10 +82,10 @@ class Pose:
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """Unknowns x with the features (V, 9), handle positions (H, 3) and energy they give."""
+    """Unknowns x with the Poisson right-hand side b (V, 3), handle positions p (H, 3), energy."""
 
     x: FloatArray
-    q: FloatArray
+    b: FloatArray
     p: FloatArray
     energy: float
 
@@ -144,12 +143,12 @@ class HandleSolver:
         self._grouping = Grouping(labels, len(marks))
         self._landmark_decoder = model.decoder_at(marks)
         self._vertices: IntArray = np.empty(0, dtype=np.int64)
-        self._arm_array = np.empty((0, len(labels), 3))
+        self._green_array = np.empty((0, len(labels)))
         self._landmark_arms = np.empty((0, len(marks), 3))
         self._exact: IntArray = np.empty(0, dtype=np.int64)
         self._exact_green = np.empty((0, len(labels)))
         self._green: dict[int, FloatArray] = {}
-        self._arms: dict[int, FloatArray] = {}
+        self._arms_by_landmark: dict[int, FloatArray] = {}
         self._state: _State | None = None
         self._assign([])
 
@@ -260,21 +259,8 @@ class HandleSolver:
         """Take over the handles; Green rows of vertices that stay are kept."""
         self._handles = handles
         vertices = sorted({handle.vertex for handle in handles})
-        new = [v for v in vertices if v not in self._green]
-        if new:
-            rows = self._poisson.green_rows(new)
-            for vertex, row, arm in zip(new, rows, self._poisson.arms(rows), strict=True):
-                self._green[vertex], self._arms[vertex] = row, arm
-        for gone in [v for v in self._green if v not in set(vertices)]:
-            del self._green[gone], self._arms[gone]
         if vertices != self._vertices.tolist():
-            self._vertices = np.array(vertices, dtype=np.int64)
-            V = len(self.model.reference.vertices)
-            self._arm_array = np.array([self._arms[v] for v in vertices]).reshape(-1, V, 3)
-            self._landmark_arms = self._grouping.arms(self._arm_array)
-            if self._state is not None:
-                p = arm_positions(self._state.q, self._arm_array)
-                self._state = replace(self._state, p=p)
+            self._take_vertices(vertices)
         place = {v: n for n, v in enumerate(vertices)}
         weights = np.zeros(len(vertices))
         self._targets = np.zeros((len(vertices), 3))
@@ -289,20 +275,43 @@ class HandleSolver:
         exact = self._vertices[self._hard]
         if exact.tolist() != self._exact.tolist():
             self._exact = exact
-            self._exact_green = np.array([self._green[v] for v in exact.tolist()])
+            self._exact_green = self._green_array[self._hard]
         self._objective = replace(self._objective, targets=self._targets, weights=weights)
+
+    def _take_vertices(self, vertices: list[int]) -> None:
+        """Green rows and landmark arms of the handle vertices; what is there already is kept."""
+        new = [v for v in vertices if v not in self._green]
+        if new:
+            for vertex, row in zip(new, self._poisson.green_rows(new), strict=True):
+                arms = self._grouping.arms(self._poisson.arms(row[None]))
+                self._green[vertex], self._arms_by_landmark[vertex] = row, arms[0]
+        for gone in set(self._green) - set(vertices):
+            del self._green[gone], self._arms_by_landmark[gone]
+        self._vertices = np.array(vertices, dtype=np.int64)
+        V, S = len(self.model.reference.vertices), self._grouping.count
+        self._green_array = np.array([self._green[v] for v in vertices]).reshape(-1, V)
+        self._landmark_arms = np.array([self._arms_by_landmark[v] for v in vertices]).reshape(
+            -1, S, 3
+        )
+        if self._state is not None:
+            self._state = replace(self._state, p=self._green_array @ self._state.b)
+
+    def _arms(self) -> FloatArray:
+        """Arms (H, V, 3) of the handles over all vertices."""
+        return self._poisson.arms(self._green_array)
 
     def _evaluate(self, x: FloatArray, fast: bool = True) -> _State:
         z = self._objective.code(x)
         q = self._decoder.fast_features(z) if fast else self._decoder.features(z)
-        p = arm_positions(q, self._arm_array)
-        return _State(x, q, p, self._objective.energy(x, p))
+        b = self._poisson.rhs(features_to_gradients(q))
+        p = self._green_array @ b
+        return _State(x, b, p, self._objective.energy(x, p))
 
-    def _landmark_positions(self, state: _State | None) -> ArmPositions:
+    def _by_landmarks(self, state: _State | None) -> ArmHandles:
         """Handle positions by landmarks, exact at `state`."""
-        handles = ArmPositions(self._landmark_decoder, self._landmark_arms)
+        handles = ArmHandles(self._landmark_decoder, self._landmark_arms, fast=True)
         if state is not None:
-            handles.offset = state.p - handles.positions(self._objective.code(state.x))
+            handles.offset = state.p - handles.at(self._objective.code(state.x)).positions
         return handles
 
     def _follow(self, state: _State) -> tuple[_State, int]:
@@ -310,13 +319,13 @@ class HandleSolver:
         # The targets may have moved: the energy of the old unknowns is another now.
         state = replace(state, energy=self._objective.energy(state.x, state.p))
         x, promised, steps = self._objective.descend(
-            self._landmark_positions(state), state.x, _FRAME_STEPS, _FRAME_TOLERANCE
+            self._by_landmarks(state), state.x, _FRAME_STEPS, _FRAME_TOLERANCE
         )
         found = self._evaluate(x)
         if found.energy > promised + _SURPRISE * abs(promised) + _SURPRISE:
             better = found if found.energy < state.energy else state
             x, _, more = self._objective.descend(
-                self._landmark_positions(better), better.x, _FRAME_STEPS, _FRAME_TOLERANCE
+                self._by_landmarks(better), better.x, _FRAME_STEPS, _FRAME_TOLERANCE
             )
             again, steps = self._evaluate(x), steps + more
             found = min((again, found), key=lambda entry: entry.energy)
@@ -324,7 +333,7 @@ class HandleSolver:
 
     def _search(self) -> tuple[_State, int]:
         """Several starts by landmarks; the two best are finished with all vertices."""
-        objective, handles = self._objective, self._landmark_positions(None)
+        objective, handles = self._objective, self._by_landmarks(None)
         starts = self._starts(handles)
         coarse = [objective.descend(handles, x, 40) for x in starts]
         coarse.sort(key=lambda entry: entry[1])
@@ -333,19 +342,19 @@ class HandleSolver:
         for x, _, _ in coarse[:_FINISHED]:
             state = self._evaluate(x)
             for _ in range(4):
-                x, _, more = objective.descend(self._landmark_positions(state), state.x, 10)
+                x, _, more = objective.descend(self._by_landmarks(state), state.x, 10)
                 steps += more
                 found = self._evaluate(x)
                 if found.energy >= state.energy * (1.0 - 1e-3):
                     break
                 state = found
-            exact = ArmPositions(self._decoder, self._arm_array)
+            exact = ArmHandles(self._decoder, self._arms())
             x, _, more = objective.descend(exact, state.x, 10)
             finished.append(self._evaluate(x, fast=False))
             steps += more
         return min(finished, key=lambda state: state.energy), steps
 
-    def _starts(self, handles: ArmPositions) -> list[FloatArray]:
+    def _starts(self, handles: ArmHandles) -> list[FloatArray]:
         """The prior's mean and the training codes that fit the handles best, rigidly placed."""
         objective = self._objective
         zero = np.zeros(objective.size)
@@ -354,7 +363,7 @@ class HandleSolver:
         scored = []
         for y in np.vstack([np.zeros((1, objective.size - 6)), self._candidates]):
             x = np.concatenate([y, np.zeros(6)])
-            p = handles.positions(objective.code(x))
+            p = handles.at(objective.code(x)).positions
             x = objective.placed(x, p)
             scored.append((objective.energy(x, p), x))
         others = sorted(scored[1:], key=lambda entry: entry[0])[:_STARTS]
@@ -362,7 +371,7 @@ class HandleSolver:
 
     def _pose(self, state: _State, steps: int, rounds: int) -> Pose:
         objective = self._objective
-        free = self._poisson.solve(features_to_gradients(state.q)) - self._poisson.centroid
+        free = self._poisson.solve_rhs(state.b) - self._poisson.centroid
         if self._hard.any():
             # In the frame of the model: the rigid motion is taken off the targets.
             goals = self._targets[self._hard]

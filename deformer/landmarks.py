@@ -79,6 +79,7 @@ class Grouping:
     def __init__(self, labels: IntArray, count: int) -> None:
         """Store the summation as a sparse matrix (S, V)."""
         V = len(labels)
+        self.count = count
         self._sum = sparse.csr_array((np.ones(V), (labels, np.arange(V))), shape=(count, V))
 
     def arms(self, arms: FloatArray) -> FloatArray:

@@ -12,7 +12,11 @@ from typing import Protocol
 import numpy as np
 
 from deformer.decoder import Decoder
-from deformer.differentials import arm_positions, arm_sensitivities
+from deformer.differentials import (
+    arm_positions,
+    arm_sensitivities,
+    scaled_sensitivities,
+)
 from deformer.latent import LatentPrior
 from deformer.mesh import FloatArray
 from deformer.rotations import log_to_rotation, right_jacobian
@@ -22,44 +26,63 @@ _ROTATION_SCALE = 0.3
 _TRANSLATION_SCALE = 1.0
 
 
-class HandlePositions(Protocol):
+class Handles(Protocol):
     """Handle positions as a function of the latent code, relative to the shape's centroid."""
 
-    def positions(self, z: FloatArray) -> FloatArray:
-        """Positions (H, 3)."""
-        ...
-
-    def linearised(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Positions (H, 3) and their derivative (H, 3, K)."""
+    def at(self, z: FloatArray) -> Evaluation:
+        """Positions, and their derivative if it is asked for."""
         ...
 
 
-class ArmPositions:
+class Evaluation(Protocol):
+    """Handle positions at one latent code."""
+
+    positions: FloatArray
+
+    def derivative(self) -> FloatArray:
+        """Derivative (H, 3, K) of the positions with respect to the code."""
+        ...
+
+
+class ArmHandles:
     """Handle positions Σ_i T_i(z) a_h,i + offset_h over the vertices of a decoder.
 
     Args:
         decoder: of n vertices.
         arms: (H, n, 3).
-        offset: (H, 3) added to the positions, or None.
+        fast: take the derivative in single precision.
     """
 
-    def __init__(
-        self, decoder: Decoder, arms: FloatArray, offset: FloatArray | None = None
-    ) -> None:
-        """Keep the parts."""
-        self._decoder, self._arms = decoder, arms
-        self.offset = np.zeros((len(arms), 3)) if offset is None else offset
+    def __init__(self, decoder: Decoder, arms: FloatArray, fast: bool = False) -> None:
+        """Begin without an offset."""
+        self.decoder, self.arms = decoder, arms
+        self.fast = fast and decoder.pointwise
+        self.offset = np.zeros((len(arms), 3))
 
-    def positions(self, z: FloatArray) -> FloatArray:
-        """Positions (H, 3)."""
-        return arm_positions(self._decoder.features(z), self._arms) + self.offset
+    def at(self, z: FloatArray) -> ArmEvaluation:
+        """Positions, and their derivative if it is asked for."""
+        return ArmEvaluation(self, z)
 
-    def linearised(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Positions (H, 3) and their derivative (H, 3, K)."""
-        p, g = arm_sensitivities(self._decoder.features(z), self._arms)
-        H = len(p)
-        J = self._decoder.pull_back(z, g.reshape(3 * H, *g.shape[2:]))
-        return p + self.offset, J.reshape(H, 3, len(z))
+
+class ArmEvaluation:
+    """`ArmHandles` at one latent code."""
+
+    def __init__(self, handles: ArmHandles, z: FloatArray) -> None:
+        """Evaluate the positions (H, 3)."""
+        self._handles, self._z = handles, z
+        self._q = handles.decoder.features(z)
+        self.positions = arm_positions(self._q, handles.arms) + handles.offset
+
+    def derivative(self) -> FloatArray:
+        """Derivative (H, 3, K) of the positions with respect to the code."""
+        decoder, arms = self._handles.decoder, self._handles.arms
+        if self._handles.fast:
+            scale = decoder.pointwise_slope(self._q)
+            J = decoder.pull_back_affine(scaled_sensitivities(self._q, arms, scale))
+        else:
+            _, g = arm_sensitivities(self._q, arms)
+            J = decoder.pull_back(self._z, g.reshape(-1, *g.shape[2:]))
+        return J.reshape(len(arms), 3, len(self._z))
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +141,7 @@ class HandleObjective:
         return moved
 
     def descend(
-        self, handles: HandlePositions, x: FloatArray, limit: int, tolerance: float = 1e-5
+        self, handles: Handles, x: FloatArray, limit: int, tolerance: float = 1e-5
     ) -> tuple[FloatArray, float, int]:
         """Levenberg–Marquardt from x; the energy never rises.
 
@@ -127,25 +150,31 @@ class HandleObjective:
             than `tolerance` of the energy.
         """
         stiffness = self._stiffness()
-        active = np.arange(self.size if self.rigid else self.size - 6)
-        energy = self.energy(x, handles.positions(self.code(x)))
+        active = self.size if self.rigid else self.size - 6
+        here = handles.at(self.code(x))
+        energy = self.energy(x, here.positions)
         damping = 1e-3
         for count in range(limit):
-            p, dp = handles.linearised(self.code(x))
-            J, misfit = self._jacobian(x, p, dp), self._misfit(x, p).ravel()
-            H = (J.T @ J + np.diag(stiffness))[np.ix_(active, active)]
-            gradient = (J.T @ misfit + stiffness * x)[active]
+            J = self._jacobian(x, here.positions, here.derivative())[:, :active]
+            misfit = self._misfit(x, here.positions).ravel()
+            H = J.T @ J
+            diagonal = np.einsum("ii->i", H)
+            diagonal += stiffness[:active]
+            gradient = J.T @ misfit + stiffness[:active] * x[:active]
+            plain = diagonal.copy()
             while True:
+                diagonal[:] = plain * (1.0 + damping)
                 trial = x.copy()
-                trial[active] -= np.linalg.solve(H + damping * np.diag(np.diag(H)), gradient)
-                value = self.energy(trial, handles.positions(self.code(trial)))
+                trial[:active] -= np.linalg.solve(H, gradient)
+                there = handles.at(self.code(trial))
+                value = self.energy(trial, there.positions)
                 if value <= energy:
                     break
                 damping *= 8.0
                 if damping > 1e8:
                     return x, energy, count
             gain = energy - value
-            x, energy = trial, value
+            x, energy, here = trial, value, there
             damping = max(damping / 8.0, 1e-9)
             if gain <= tolerance * energy + 1e-9:
                 return x, energy, count + 1

@@ -19,15 +19,16 @@ from deformer.mesh import (
     connected_components,
     cotan_weights,
 )
+from deformer.parallel import over_ranges
 
 # Shapes reconstructed at once: a multiple of three right-hand sides, bounded memory.
 _BATCH = 40
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _rhs(indptr, rings, c, v, T, b):
+def _rhs(start, stop, part, indptr, rings, c, v, T, b):
     """b_i = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j)."""
-    for i in range(len(v)):
+    for i in range(start, stop):
         bx = by = bz = 0.0
         for k in range(indptr[i], indptr[i + 1]):
             j = rings[k]
@@ -129,12 +130,17 @@ class PoissonSystem:
         """Right-hand side b (V, 3) of deformation gradients T (V, 3, 3)."""
         gradients = np.ascontiguousarray(T, dtype=np.float64)
         b = np.empty((len(gradients), 3))
-        _rhs(self.indptr, self.rings, self.c, self.reference.vertices, gradients, b)
+        mesh = self.indptr, self.rings, self.c, self.reference.vertices
+        over_ranges(_rhs, len(gradients), *mesh, gradients, b)
         return b
 
     def solve(self, T: ArrayLike) -> FloatArray:
         """Vertices (V, 3) of deformation gradients T (V, 3, 3), centroid at the reference's."""
-        p = self.back_substitute(self.rhs(T))
+        return self.solve_rhs(self.rhs(T))
+
+    def solve_rhs(self, b: FloatArray) -> FloatArray:
+        """Vertices (V, 3) of a right-hand side b (V, 3), centroid at the reference's."""
+        p = self.back_substitute(b)
         return p + (self.centroid - p.mean(axis=0))
 
     def reconstruct(self, q: ArrayLike) -> FloatArray:
