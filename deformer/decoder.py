@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from deformer.autoencoder import GraphConv, MeshAutoencoder
-from deformer.features import FeatureScaler
+from deformer.features import FeatureScaler, scaled_to_gradients
 from deformer.mesh import FloatArray, IntArray
 from deformer.parallel import over_ranges
 
@@ -113,16 +113,16 @@ class Decoder:
         """Features (n, 9) of a latent code (K,)."""
         return self._activations(z)[-1] * self._gain + self._offset
 
-    def fast_features(self, z: FloatArray) -> FloatArray:
-        """Features (n, 9), the large first part in single precision on all cores."""
+    def fast_gradients(self, z: FloatArray) -> FloatArray:
+        """Deformation gradients (n, 3, 3), the affine first part in single precision."""
         x = np.empty(self._single.shape[:2], dtype=np.float32)
         code = z.astype(np.float32)
         over_ranges(_affine, len(x), self._single, code, self._single_bias, x)
         np.tanh(x, out=x)
-        output = x.astype(np.float64)
+        output: NDArray = x
         for layer in self._layers:
             output = layer(output)
-        return output * self._gain + self._offset
+        return scaled_to_gradients(output, self._gain, self._offset)
 
     def _activations(self, z: FloatArray) -> list[FloatArray]:
         """Outputs (·, ·) of every tanh."""

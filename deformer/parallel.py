@@ -14,11 +14,12 @@ from typing import Any
 
 # Below this many vertices a thread costs more (about 50 µs) than it saves.
 _SMALLEST_SHARE = 2000
+_CORES = os.cpu_count() or 1
 
 
 @cache
 def _pool() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(max_workers=os.cpu_count() or 1, thread_name_prefix="deformer")
+    return ThreadPoolExecutor(max_workers=_CORES, thread_name_prefix="deformer")
 
 
 def over_ranges(kernel: Callable[..., None], count: int, *arguments: Any) -> int:
@@ -26,7 +27,7 @@ def over_ranges(kernel: Callable[..., None], count: int, *arguments: Any) -> int
 
     Returns the number of parts; `part` counts them, for kernels that leave partial sums.
     """
-    parts = max(1, min(os.cpu_count() or 1, count // _SMALLEST_SHARE))
+    parts = max(1, min(_CORES, count // _SMALLEST_SHARE))
     bounds = [count * part // parts for part in range(parts + 1)]
     if parts == 1:
         kernel(0, count, 0, *arguments)
@@ -39,8 +40,3 @@ def over_ranges(kernel: Callable[..., None], count: int, *arguments: Any) -> int
     for future in futures:
         future.result()
     return parts
-
-
-def part_count(count: int) -> int:
-    """Most parts that `over_ranges` makes of a range."""
-    return max(1, min(os.cpu_count() or 1, count // _SMALLEST_SHARE))

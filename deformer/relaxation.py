@@ -171,5 +171,5 @@ class Relaxation:
             over_ranges(_rotated_rhs, V, *mesh, self._R, b)
             p = meet_exactly(system.back_substitute(b), green, vertices, targets)
             if rounds:
-                over_ranges(_local, V, *mesh, p, self._R, _STEPS)
+                over_ranges(_local, V, *mesh, p, self._R, 1)
         return p
