@@ -124,6 +124,16 @@ class Decoder:
             output = layer(output)
         return scaled_to_gradients(output, self._gain, self._offset)
 
+    def single_features(self, z: FloatArray) -> FloatArray:
+        """Features (n, 9), the affine first part in single precision; for few vertices."""
+        flat = self._single.reshape(-1, self.components)
+        x: NDArray = (flat @ z.astype(np.float32)).reshape(self._single.shape[:2])
+        x += self._single_bias
+        np.tanh(x, out=x)
+        for layer in self._layers:
+            x = layer(x)
+        return x * self._gain + self._offset
+
     def _activations(self, z: FloatArray) -> list[FloatArray]:
         """Outputs (·, ·) of every tanh."""
         outputs = [np.tanh(self.matrix @ z + self.bias).reshape(self._first_rows, -1)]

@@ -308,33 +308,33 @@ class HandleSolver:
         p = self._green_array @ b
         return _State(x, b, p, self._objective.energy(x, p))
 
-    def _by_landmarks(self, state: _State | None) -> ArmHandles:
-        """Handle positions by landmarks, exact at `state`."""
-        handles = ArmHandles(self._landmark_decoder, self._landmark_arms, fast=True)
-        if state is not None:
-            handles.offset = state.p - handles.at(self._objective.code(state.x)).positions
-        return handles
-
     def _follow(self, state: _State) -> tuple[_State, int]:
         """One frame from the last solution: descend by landmarks, then look at all vertices."""
         # The targets may have moved: the energy of the old unknowns is another now.
         state = replace(state, energy=self._objective.energy(state.x, state.p))
-        x, promised, steps = self._objective.descend(
-            self._by_landmarks(state), state.x, _FRAME_STEPS, _FRAME_TOLERANCE
-        )
+        x, promised, steps = self._descend_by_landmarks(state, _FRAME_STEPS, _FRAME_TOLERANCE)
         found = self._evaluate(x)
         if found.energy > promised + _SURPRISE * abs(promised) + _SURPRISE:
             better = found if found.energy < state.energy else state
-            x, _, more = self._objective.descend(
-                self._by_landmarks(better), better.x, _FRAME_STEPS, _FRAME_TOLERANCE
-            )
+            x, _, more = self._descend_by_landmarks(better, _FRAME_STEPS, _FRAME_TOLERANCE)
             again, steps = self._evaluate(x), steps + more
             found = min((again, found), key=lambda entry: entry.energy)
         return min((state, found), key=lambda entry: entry.energy), steps
 
+    def _descend_by_landmarks(
+        self, state: _State, limit: int, tolerance: float = 1e-5
+    ) -> tuple[FloatArray, float, int]:
+        """Descend from a state with handle positions by landmarks, exact at the state."""
+        objective, handles = self._objective, self._by_landmarks()
+        here = handles.pinned_at(objective.code(state.x), state.p)
+        return objective.descend(handles, state.x, limit, tolerance, here)
+
+    def _by_landmarks(self) -> ArmHandles:
+        return ArmHandles(self._landmark_decoder, self._landmark_arms, fast=True)
+
     def _search(self) -> tuple[_State, int]:
         """Several starts by landmarks; the two best are finished with all vertices."""
-        objective, handles = self._objective, self._by_landmarks(None)
+        objective, handles = self._objective, self._by_landmarks()
         starts = self._starts(handles)
         coarse = [objective.descend(handles, x, 40) for x in starts]
         coarse.sort(key=lambda entry: entry[1])
@@ -343,7 +343,7 @@ class HandleSolver:
         for x, _, _ in coarse[:_FINISHED]:
             state = self._evaluate(x)
             for _ in range(4):
-                x, _, more = objective.descend(self._by_landmarks(state), state.x, 10)
+                x, _, more = self._descend_by_landmarks(state, 10)
                 steps += more
                 found = self._evaluate(x)
                 if found.energy >= state.energy * (1.0 - 1e-3):
@@ -372,16 +372,16 @@ class HandleSolver:
 
     def _pose(self, state: _State, steps: int, rounds: int) -> Pose:
         objective = self._objective
-        free = self._poisson.solve_rhs(state.b) - self._poisson.centroid
         if self._hard.any():
             # In the frame of the model: the rigid motion is taken off the targets.
             goals = self._targets[self._hard]
             back = objective.move_back(state.x, goals)
-            p = self._relaxation.solve(free, self._exact_green, self._exact, back, rounds)
+            p = self._relaxation.solve(state.b, self._exact_green, self._exact, back, rounds)
             p = objective.move(state.x, p)
             p[self._exact] = goals
         else:
-            p = objective.move(state.x, free)
+            p = self._poisson.solve_rhs(state.b) - self._poisson.centroid
+            p = objective.move(state.x, p)
         asked = np.array([handle.target for handle in self._handles]).reshape(-1, 3)
         index = np.array([handle.vertex for handle in self._handles], dtype=np.int64)
         return Pose(

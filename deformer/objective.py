@@ -50,18 +50,25 @@ class ArmHandles:
     Args:
         decoder: of n vertices.
         arms: (H, n, 3).
-        fast: take the derivative in single precision.
+        fast: work in single precision.
     """
 
     def __init__(self, decoder: Decoder, arms: FloatArray, fast: bool = False) -> None:
         """Begin without an offset."""
         self.decoder, self.arms = decoder, arms
-        self.fast = fast and decoder.pointwise
+        self.fast = fast
         self.offset = np.zeros((len(arms), 3))
 
     def at(self, z: FloatArray) -> ArmEvaluation:
         """Positions, and their derivative if it is asked for."""
         return ArmEvaluation(self, z)
+
+    def pinned_at(self, z: FloatArray, p: FloatArray) -> ArmEvaluation:
+        """Choose the offset so that the positions at z are p (H, 3); the evaluation there."""
+        here = ArmEvaluation(self, z)
+        self.offset = self.offset + p - here.positions
+        here.positions = p
+        return here
 
 
 class ArmEvaluation:
@@ -70,13 +77,14 @@ class ArmEvaluation:
     def __init__(self, handles: ArmHandles, z: FloatArray) -> None:
         """Evaluate the positions (H, 3)."""
         self._handles, self._z = handles, z
-        self._q = handles.decoder.features(z)
+        decoder = handles.decoder
+        self._q = decoder.single_features(z) if handles.fast else decoder.features(z)
         self.positions = arm_positions(self._q, handles.arms) + handles.offset
 
     def derivative(self) -> FloatArray:
         """Derivative (H, 3, K) of the positions with respect to the code."""
         decoder, arms = self._handles.decoder, self._handles.arms
-        if self._handles.fast:
+        if self._handles.fast and decoder.pointwise:
             scale = decoder.pointwise_slope(self._q)
             J = decoder.pull_back_affine(scaled_sensitivities(self._q, arms, scale))
         else:
@@ -141,9 +149,21 @@ class HandleObjective:
         return moved
 
     def descend(
-        self, handles: Handles, x: FloatArray, limit: int, tolerance: float = 1e-5
+        self,
+        handles: Handles,
+        x: FloatArray,
+        limit: int,
+        tolerance: float = 1e-5,
+        here: Evaluation | None = None,
     ) -> tuple[FloatArray, float, int]:
         """Levenberg–Marquardt from x; the energy never rises.
+
+        Args:
+            handles: their positions and derivatives.
+            x: unknowns to start from.
+            limit: most steps.
+            tolerance: relative gain of a step that ends the descent.
+            here: the evaluation of `handles` at x, if it is known.
 
         Returns:
             x, energy, and the steps taken; it ends after `limit` steps, or when a step gains less
@@ -151,7 +171,8 @@ class HandleObjective:
         """
         stiffness = self._stiffness()
         active = self.size if self.rigid else self.size - 6
-        here = handles.at(self.code(x))
+        if here is None:
+            here = handles.at(self.code(x))
         energy = self.energy(x, here.positions)
         damping = 1e-3
         for count in range(limit):

@@ -67,8 +67,11 @@ def _local(start, stop, part, indptr, rings, c, rest, p, R, steps):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _rotated_rhs(start, stop, part, indptr, rings, c, rest, R, b):
-    """b_i = Σ_j c_ij ½ (R_i + R_j) (rest_i − rest_j)."""
+def _rotated_rhs(start, stop, part, indptr, rings, c, rest, R, b, out):
+    """Out_i = b_i + Σ_j c_ij (½ (R_i + R_j) − I) (rest_i − rest_j), in columns 3 to 5.
+
+    Columns 0 to 2 take b itself. Where L rest = b the sum is that of the rotated edges alone.
+    """
     for i in range(start, stop):
         bx = by = bz = 0.0
         for k in range(indptr[i], indptr[i + 1]):
@@ -76,15 +79,17 @@ def _rotated_rhs(start, stop, part, indptr, rings, c, rest, R, b):
             x = 0.5 * c[k] * (rest[i, 0] - rest[j, 0])
             y = 0.5 * c[k] * (rest[i, 1] - rest[j, 1])
             z = 0.5 * c[k] * (rest[i, 2] - rest[j, 2])
-            bx += (R[i, 0, 0] + R[j, 0, 0]) * x + (R[i, 0, 1] + R[j, 0, 1]) * y
+            bx += (R[i, 0, 0] + R[j, 0, 0] - 2.0) * x + (R[i, 0, 1] + R[j, 0, 1]) * y
             bx += (R[i, 0, 2] + R[j, 0, 2]) * z
-            by += (R[i, 1, 0] + R[j, 1, 0]) * x + (R[i, 1, 1] + R[j, 1, 1]) * y
+            by += (R[i, 1, 0] + R[j, 1, 0]) * x + (R[i, 1, 1] + R[j, 1, 1] - 2.0) * y
             by += (R[i, 1, 2] + R[j, 1, 2]) * z
             bz += (R[i, 2, 0] + R[j, 2, 0]) * x + (R[i, 2, 1] + R[j, 2, 1]) * y
-            bz += (R[i, 2, 2] + R[j, 2, 2]) * z
-        b[i, 0] = bx
-        b[i, 1] = by
-        b[i, 2] = bz
+            bz += (R[i, 2, 2] + R[j, 2, 2] - 2.0) * z
+        for d in range(3):
+            out[i, d] = b[i, d]
+        out[i, 3] = b[i, 0] + bx
+        out[i, 4] = b[i, 1] + by
+        out[i, 5] = b[i, 2] + bz
 
 
 def meet_exactly(
@@ -130,46 +135,68 @@ class Relaxation:
         """Start without rotations."""
         self._system = system
         self._R: FloatArray | None = None
+        self._rest: FloatArray | None = None
 
     def reset(self) -> None:
         """Forget the rotations: the next call starts from the decoded pose."""
-        self._R = None
+        self._R = self._rest = None
 
     def solve(
         self,
-        rest: FloatArray,
+        b: FloatArray,
         green: FloatArray,
         vertices: IntArray,
         targets: FloatArray,
         rounds: int,
     ) -> FloatArray:
-        """Positions (V, 3).
+        """Positions (V, 3), up to rounding with the targets met.
 
         Args:
-            rest: (V, 3) the decoded pose.
+            b: (V, 3) right-hand side of the decoded pose, `PoissonSystem.rhs`.
             green: Green rows (H, V) of the handles.
             vertices: (H,) different handle vertices.
             targets: (H, 3).
-            rounds: of a global and a local step. A first call ends with a global step more; 0 is
-                the Schur complement alone. In a call that goes on from another, the last local
-                step is for the call that follows: it costs one back-substitution a round.
+            rounds: of a local and a global step. 0 is the Schur complement alone in a first call.
+                A call that goes on from another takes the global step first, with the rotations
+                and, in its first round, the rest shape of the call before: decoded pose and
+                relaxed pose then come out of one back-substitution.
         """
-        system, V = self._system, len(rest)
-        mesh = system.indptr, system.rings, system.c, rest
-        b = np.empty((V, 3))
-        if self._R is None:
-            R = np.tile(np.eye(3), (V, 1, 1))
-            p = meet_exactly(rest, green, vertices, targets)
-            for n in range(rounds):
-                over_ranges(_local, V, *mesh, p, R, _STEPS if n else _FIRST_STEPS)
-                over_ranges(_rotated_rhs, V, *mesh, R, b)
-                p = meet_exactly(system.back_substitute(b), green, vertices, targets)
-            self._R = R
-            return p
-        p = rest
+        if self._R is None or self._rest is None:
+            return self._begin(b, green, vertices, targets, rounds)
+        system, R, p = self._system, self._R, self._rest
         for _ in range(max(rounds, 1)):
-            over_ranges(_rotated_rhs, V, *mesh, self._R, b)
-            p = meet_exactly(system.back_substitute(b), green, vertices, targets)
+            both = self._global(b)
+            self._rest = np.ascontiguousarray(both[:, :3])
+            p = meet_exactly(np.ascontiguousarray(both[:, 3:]), green, vertices, targets)
             if rounds:
-                over_ranges(_local, V, *mesh, p, self._R, 1)
+                mesh = system.indptr, system.rings, system.c, self._rest
+                over_ranges(_local, len(b), *mesh, p, R, 1)
         return p
+
+    def _begin(
+        self,
+        b: FloatArray,
+        green: FloatArray,
+        vertices: IntArray,
+        targets: FloatArray,
+        rounds: int,
+    ) -> FloatArray:
+        """A first call."""
+        system, V = self._system, len(b)
+        self._R = np.tile(np.eye(3), (V, 1, 1))
+        self._rest = rest = system.back_substitute(b)
+        p = meet_exactly(rest, green, vertices, targets)
+        for n in range(rounds):
+            mesh = system.indptr, system.rings, system.c, rest
+            over_ranges(_local, V, *mesh, p, self._R, _STEPS if n else _FIRST_STEPS)
+            relaxed = np.ascontiguousarray(self._global(b)[:, 3:])
+            p = meet_exactly(relaxed, green, vertices, targets)
+        return p
+
+    def _global(self, b: FloatArray) -> FloatArray:
+        """Decoded and relaxed positions (V, 6), from the present rest shape and rotations."""
+        system = self._system
+        both = np.empty((len(b), 6))
+        mesh = system.indptr, system.rings, system.c, self._rest
+        over_ranges(_rotated_rhs, len(b), *mesh, self._R, b, both)
+        return system.back_substitute(both)
