@@ -16,7 +16,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
-from scipy.sparse.linalg import lsmr
 
 from deformer.cholesky import SparseCholesky
 from deformer.errors import InputError
@@ -243,24 +242,32 @@ class FeatureExtractor:
         return q
 
     def _compensate(self, q: FloatArray, T: FloatArray, vertices: np.ndarray) -> None:
-        """Change the stretch at `vertices` (in place, least squares) so that b(T) is unchanged."""
+        """Change the stretch around `vertices` (in place, least squares) to leave b(T) as it is."""
+        # Their neighbours give way, too: at the rim there are more equations than unknowns.
+        around = np.zeros(len(q), dtype=bool)
+        around[vertices] = True
+        for _ in range(2):
+            around |= np.bincount(self.rings, np.repeat(around, np.diff(self.indptr)), len(q)) > 0
+        vertices = np.flatnonzero(around)
         R = log_to_rotation(q[vertices, :3])
         misfit = self._divergence @ _columns(T - features_to_gradients(q))
         basis = np.zeros((6, 3, 3))
         basis[np.arange(6), STRETCH_ROWS, STRETCH_COLUMNS] = 1.0
         basis[np.arange(6), STRETCH_COLUMNS, STRETCH_ROWS] = 1.0
-        # In units of the mesh: lsmr stops by absolute sizes, too.
-        unit = 1.0 / (float(np.abs(self._divergence.data).max()) or 1.0)
-        near = unit * self._divergence[:, (3 * vertices[:, None] + np.arange(3)).ravel()]
+        near = self._divergence[:, (3 * vertices[:, None] + np.arange(3)).ravel()]
+        rows = np.flatnonzero(np.diff(near.indptr))
+        near = near[rows]
         # Row a of ∂T/∂s at each vertex, as blocks (3, 6) on the diagonal.
         A = sparse.vstack(
             [
                 near @ sparse.block_diag(list(np.einsum("nd,sdc->ncs", R[:, a], basis)))
                 for a in range(3)
             ]
-        )
-        change = lsmr(A, unit * misfit.T.ravel(), atol=1e-10, btol=1e-10, maxiter=300)[0]
-        q[vertices, 3:] += change.reshape(-1, 6)
+        ).tocsr()
+        gram = A @ A.T
+        ridge = 1e-10 * gram.diagonal().mean() * sparse.eye_array(gram.shape[0])
+        dual = SparseCholesky(gram + ridge).solve(misfit[rows].T.reshape(-1, 1))
+        q[vertices, 3:] += (A.T @ dual).reshape(-1, 6)
 
 
 def _columns(T: FloatArray) -> FloatArray:
