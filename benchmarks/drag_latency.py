@@ -57,14 +57,13 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=200)
     parser.add_argument("--soft", action="store_true", help="leave out exact handles")
     options = parser.parse_args()
-    shapes = subdivided(deformer.load_shapes(options.shapes), options.subdivide)
+    shapes = deformer.load_shapes(options.shapes)
+    shapes = shapes.subset(np.arange(0, len(shapes), max(1, len(shapes) // 24)))
+    shapes = subdivided(shapes, options.subdivide)
     if options.model:
         model = deformer.load_model(options.model)
     else:
-        step = max(1, len(shapes) // 24)
-        model = deformer.train(
-            shapes.subset(np.arange(0, len(shapes), step)), 50, epochs=5, align_shapes=True
-        )
+        model = deformer.train(shapes, 50, epochs=5, align_shapes=True)
     a, b = shapes.vertices[0], shapes.vertices[len(shapes) // 2]
     begun = time.perf_counter()
     fresh = deformer.DeformationModel(
@@ -73,6 +72,7 @@ def main() -> None:
     solver = HandleSolver(fresh)
     setup = time.perf_counter() - begun
     handles = deformer.farthest_points(fresh.geodesics, options.handles, seed=0)
+    solver.set_handles(handles[:1] - 1 if handles[0] else handles[:1] + 1, a[:1])
     begun = time.perf_counter()
     solver.set_handles(handles, a[handles], hard=not options.soft)
     adding = (time.perf_counter() - begun) / options.handles

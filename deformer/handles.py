@@ -233,6 +233,30 @@ class HandleSolver:
         self._state = state
         return replace(pose, milliseconds=1000.0 * (time.perf_counter() - begun))
 
+    def settle(self, frames: int = 8) -> Pose:
+        """Solve from the last solution, frame after frame, until the energy stands still.
+
+        For sequences: what a drag would show once the mouse has rested. Without a last solution
+        it is a cold solve.
+
+        Args:
+            frames: at most this many warm solves.
+        """
+        if self._state is None:
+            return self.solve()
+        milliseconds = 0.0
+        pose, steps = self.solve(warm=True), 0
+        for _ in range(frames - 1):
+            milliseconds, steps = milliseconds + pose.milliseconds, steps + pose.iterations
+            before, pose = pose, self.solve(warm=True)
+            if pose.energy > before.energy * (1.0 - 1e-3):
+                break
+        return replace(
+            pose,
+            milliseconds=milliseconds + pose.milliseconds,
+            iterations=steps + pose.iterations,
+        )
+
     def drag(self, vertex: int, position: ArrayLike) -> Pose:
         """Move the target of one handle and solve from the last solution.
 
@@ -349,8 +373,8 @@ class HandleSolver:
                 if found.energy >= state.energy * (1.0 - 1e-3):
                     break
                 state = found
-            exact = ArmHandles(self._decoder, self._arms())
-            x, _, more = objective.descend(exact, state.x, 10)
+            exact = ArmHandles(self._decoder, self._arms(), fast=True)
+            x, _, more = objective.descend(exact, state.x, 10, 1e-4)
             finished.append(self._evaluate(x, fast=False))
             steps += more
         return min(finished, key=lambda state: state.energy), steps

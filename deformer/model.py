@@ -89,6 +89,10 @@ class DeformationModel:
         return FeatureExtractor(self.reference)
 
     @cached_property
+    def _rings(self) -> tuple[IntArray, IntArray]:
+        return one_rings(self.reference.faces, len(self.reference.vertices))
+
+    @cached_property
     def poisson(self) -> PoissonSystem:
         """The factored Poisson system of the reference."""
         return PoissonSystem(self.reference)
@@ -101,13 +105,11 @@ class DeformationModel:
     @cached_property
     def decoder(self) -> Decoder:
         """The decoder as float64 arrays."""
-        extractor = self.extractor
-        return Decoder(self.network, self.scaler, extractor.indptr, extractor.rings)
+        return Decoder(self.network, self.scaler, *self._rings)
 
     def decoder_at(self, vertices: IntArray) -> Decoder:
         """The decoder restricted to some vertices."""
-        extractor = self.extractor
-        return Decoder(self.network, self.scaler, extractor.indptr, extractor.rings, vertices)
+        return Decoder(self.network, self.scaler, *self._rings, vertices)
 
     def encode(self, vertices: ArrayLike) -> FloatArray:
         """Latent codes of shapes: (V, 3) to (K,), or (N, V, 3) to (N, K).

@@ -68,9 +68,9 @@ def _local(start, stop, part, indptr, rings, c, rest, p, R, steps):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _rotated_rhs(start, stop, part, indptr, rings, c, rest, R, b, out):
-    """Out_i = b_i + Σ_j c_ij (½ (R_i + R_j) − I) (rest_i − rest_j), in columns 3 to 5.
+    """Out_i = b_i + Σ_j c_ij (½ (R_i + R_j) − I) (rest_i − rest_j).
 
-    Columns 0 to 2 take b itself. Where L rest = b the sum is that of the rotated edges alone.
+    Where L rest = b this is the sum of the rotated edges alone.
     """
     for i in range(start, stop):
         bx = by = bz = 0.0
@@ -85,11 +85,9 @@ def _rotated_rhs(start, stop, part, indptr, rings, c, rest, R, b, out):
             by += (R[i, 1, 2] + R[j, 1, 2]) * z
             bz += (R[i, 2, 0] + R[j, 2, 0]) * x + (R[i, 2, 1] + R[j, 2, 1]) * y
             bz += (R[i, 2, 2] + R[j, 2, 2] - 2.0) * z
-        for d in range(3):
-            out[i, d] = b[i, d]
-        out[i, 3] = b[i, 0] + bx
-        out[i, 4] = b[i, 1] + by
-        out[i, 5] = b[i, 2] + bz
+        out[i, 0] = b[i, 0] + bx
+        out[i, 1] = b[i, 1] + by
+        out[i, 2] = b[i, 2] + bz
 
 
 def meet_exactly(
@@ -135,11 +133,10 @@ class Relaxation:
         """Start without rotations."""
         self._system = system
         self._R: FloatArray | None = None
-        self._rest: FloatArray | None = None
 
     def reset(self) -> None:
         """Forget the rotations: the next call starts from the decoded pose."""
-        self._R = self._rest = None
+        self._R = None
 
     def solve(
         self,
@@ -158,19 +155,15 @@ class Relaxation:
             targets: (H, 3).
             rounds: of a local and a global step. 0 is the Schur complement alone in a first call.
                 A call that goes on from another takes the global step first, with the rotations
-                and, in its first round, the rest shape of the call before: decoded pose and
-                relaxed pose then come out of one back-substitution.
+                of the call before, and leaves the local step's for the next.
         """
-        if self._R is None or self._rest is None:
+        if self._R is None:
             return self._begin(b, green, vertices, targets, rounds)
-        system, R, p = self._system, self._R, self._rest
+        p = rest = self._system.back_substitute(b)
         for _ in range(max(rounds, 1)):
-            both = self._global(b)
-            self._rest = np.ascontiguousarray(both[:, :3])
-            p = meet_exactly(np.ascontiguousarray(both[:, 3:]), green, vertices, targets)
+            p = meet_exactly(self._global(b, rest), green, vertices, targets)
             if rounds:
-                mesh = system.indptr, system.rings, system.c, self._rest
-                over_ranges(_local, len(b), *mesh, p, R, 1)
+                self._turn(rest, p, 1)
         return p
 
     def _begin(
@@ -182,21 +175,22 @@ class Relaxation:
         rounds: int,
     ) -> FloatArray:
         """A first call."""
-        system, V = self._system, len(b)
-        self._R = np.tile(np.eye(3), (V, 1, 1))
-        self._rest = rest = system.back_substitute(b)
+        self._R = np.tile(np.eye(3), (len(b), 1, 1))
+        rest = self._system.back_substitute(b)
         p = meet_exactly(rest, green, vertices, targets)
         for n in range(rounds):
-            mesh = system.indptr, system.rings, system.c, rest
-            over_ranges(_local, V, *mesh, p, self._R, _STEPS if n else _FIRST_STEPS)
-            relaxed = np.ascontiguousarray(self._global(b)[:, 3:])
-            p = meet_exactly(relaxed, green, vertices, targets)
+            self._turn(rest, p, _STEPS if n else _FIRST_STEPS)
+            p = meet_exactly(self._global(b, rest), green, vertices, targets)
         return p
 
-    def _global(self, b: FloatArray) -> FloatArray:
-        """Decoded and relaxed positions (V, 6), from the present rest shape and rotations."""
-        system = self._system
-        both = np.empty((len(b), 6))
-        mesh = system.indptr, system.rings, system.c, self._rest
-        over_ranges(_rotated_rhs, len(b), *mesh, self._R, b, both)
-        return system.back_substitute(both)
+    def _turn(self, rest: FloatArray, p: FloatArray, steps: int) -> None:
+        """Local step: the rotations from the rest shape to p."""
+        mesh = self._system.indptr, self._system.rings, self._system.c
+        over_ranges(_local, len(rest), *mesh, rest, p, self._R, steps)
+
+    def _global(self, b: FloatArray, rest: FloatArray) -> FloatArray:
+        """Global step: positions (V, 3) whose edges are closest to the turned ones."""
+        turned = np.empty_like(b)
+        mesh = self._system.indptr, self._system.rings, self._system.c
+        over_ranges(_rotated_rhs, len(b), *mesh, rest, self._R, b, turned)
+        return self._system.back_substitute(turned)

@@ -445,3 +445,18 @@ def test_wrong_drags_are_refused(model):
     for noise in (0.0, -1.0, np.nan):
         with pytest.raises(InputError, match="noise"):
             HandleSolver(model, noise=noise)
+
+
+@pytest.mark.parametrize("hard", [False, True])
+def test_settling_ends_where_nothing_improves(model, diagonal, hard):
+    _, shape = pose_between(model)
+    solver = HandleSolver(model)
+    first = solver.settle()
+    np.testing.assert_array_equal(first.vertices, HandleSolver(model).solve().vertices)
+    solver.set_handles(SPREAD, shape[SPREAD], hard=hard)
+    settled = solver.settle(50)
+    again = solver.solve(warm=True)
+    assert again.energy == pytest.approx(settled.energy, rel=1e-3, abs=1e-6)
+    cold = HandleSolver(model)
+    cold.set_handles(SPREAD, shape[SPREAD], hard=hard)
+    assert largest(settled.vertices - cold.solve().vertices) < 0.02 * diagonal

@@ -52,7 +52,7 @@ def solve_frames(
             weights=[handle.weight for handle in frame],
             hard=hard,
         )
-        poses.append(solver.solve())
+        poses.append(solver.settle())
         progress(len(poses), len(handles.frames))
     return poses
 
