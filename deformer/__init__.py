@@ -6,9 +6,10 @@ from deformer.features import FeatureExtractor, FeatureScaler, extract_features
 from deformer.geodesics import Geodesics, farthest_points
 from deformer.handles import Handle, HandleSolver, Pose
 from deformer.io import load_mesh, load_shapes, save_mesh, save_shapes
+from deformer.learning import train
 from deformer.mesh import Mesh, MeshSequence
 from deformer.metrics import e_rms
-from deformer.model import DeformationModel, load_model, shipped_models, train
+from deformer.model import DeformationModel, load_model, shipped_models
 from deformer.poisson import PoissonSystem, reconstruct
 
 __all__ = [

@@ -32,42 +32,8 @@ def _positions(q, arms, p):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _sensitivities(q, arms, p, g):
-    """As `_positions`, and g[h, d, i] = ∂p_h,d / ∂q_i (9,)."""
-    R = np.empty((3, 3))
-    J = np.empty((3, 3))
-    p[:] = 0.0
-    for i in range(len(q)):
-        exp_(q[i, :3], R)
-        right_jacobian_(q[i, :3], J)
-        s = q[i, 3:]
-        for h in range(len(arms)):
-            a0, a1, a2 = arms[h, i]
-            y0 = s[0] * a0 + s[1] * a1 + s[2] * a2
-            y1 = s[1] * a0 + s[3] * a1 + s[4] * a2
-            y2 = s[2] * a0 + s[4] * a1 + s[5] * a2
-            for d in range(3):
-                x, y, z = R[d, 0], R[d, 1], R[d, 2]
-                p[h, d] += x * y0 + y * y1 + z * y2
-                # ∂(R S a)/∂r = −R [S a]× J, row d: −(R_d × y)… written out.
-                c0 = z * y1 - y * y2
-                c1 = x * y2 - z * y0
-                c2 = y * y0 - x * y1
-                row = g[h, d, i]
-                row[0] = c0 * J[0, 0] + c1 * J[1, 0] + c2 * J[2, 0]
-                row[1] = c0 * J[0, 1] + c1 * J[1, 1] + c2 * J[2, 1]
-                row[2] = c0 * J[0, 2] + c1 * J[1, 2] + c2 * J[2, 2]
-                row[3] = x * a0
-                row[4] = x * a1 + y * a0
-                row[5] = x * a2 + z * a0
-                row[6] = y * a1
-                row[7] = y * a2 + z * a1
-                row[8] = z * a2
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _scaled_sensitivities(q, arms, scale, g):
-    """g[3h + d, 9i + m] = scale[i, m] ∂p_h,d / ∂q_i,m in single precision."""
+    """g[3h + d, 9i + m] = scale[i, m] ∂p_h,d / ∂q_i,m in the precision of g."""
     R = np.empty((3, 3))
     J = np.empty((3, 3))
     for i in range(len(q)):
@@ -144,12 +110,11 @@ def arm_positions(q: FloatArray, arms: FloatArray) -> FloatArray:
     return p
 
 
-def arm_sensitivities(q: FloatArray, arms: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Positions (H, 3) as `arm_positions`, and their gradient (H, 3, V, 9) with respect to q."""
-    p = np.empty((len(arms), 3))
-    g = np.empty((len(arms), 3, len(q), 9))
-    _sensitivities(np.ascontiguousarray(q), arms, p, g)
-    return p, g
+def arm_sensitivities(q: FloatArray, arms: FloatArray) -> FloatArray:
+    """Gradient (H, 3, V, 9) of `arm_positions` with respect to the features q (V, 9)."""
+    g = np.empty((3 * len(arms), 9 * len(q)))
+    _scaled_sensitivities(np.ascontiguousarray(q), arms, np.ones((len(q), 9)), g)
+    return g.reshape(len(arms), 3, len(q), 9)
 
 
 def scaled_sensitivities(q: FloatArray, arms: FloatArray, scale: FloatArray) -> NDArray:

@@ -17,25 +17,17 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save
 
 from deformer._atomic import atomic_directory
-from deformer.autoencoder import MeshAutoencoder, ModelConfig, resolve_config
+from deformer.autoencoder import MeshAutoencoder, ModelConfig
 from deformer.decoder import Decoder
 from deformer.differentials import gradient_tangents
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor, FeatureScaler, extract_all
 from deformer.geodesics import Geodesics
 from deformer.io import load_mesh, save_mesh, write_json
-from deformer.latent import LatentPrior, fit_prior
-from deformer.mesh import FloatArray, IntArray, Mesh, MeshSequence, connectivity_hash, one_rings
-from deformer.metrics import e_rms
+from deformer.latent import LatentPrior
+from deformer.mesh import FloatArray, IntArray, Mesh, connectivity_hash, one_rings
 from deformer.poisson import PoissonSystem
-from deformer.rotations import procrustes
-from deformer.training import (
-    ProgressCallback,
-    TrainingProgress,
-    fit,
-    has_checkpoint,
-    resolve_device,
-)
+from deformer.rotations import align
 
 FORMAT_VERSION = 1
 _FILES = ("model.json", "reference.ply", "weights.safetensors")
@@ -258,123 +250,6 @@ def encode_features(network: MeshAutoencoder, x: FloatArray) -> FloatArray:
     with torch.no_grad():
         batch = torch.as_tensor(np.swapaxes(x, 0, 1), dtype=torch.float32)
         return network.encode(batch.contiguous()).double().numpy()
-
-
-def align(vertices: FloatArray, target: FloatArray) -> FloatArray:
-    """Shapes (N, V, 3), each moved rigidly to lie as close as possible to `target` (V, 3)."""
-    moved = np.empty_like(vertices)
-    for n, shape in enumerate(vertices):
-        R, t = procrustes(shape, target)
-        moved[n] = shape @ R.T + t
-    return moved
-
-
-def train(
-    shapes: MeshSequence,
-    components: int | None = None,
-    *,
-    config: str | ModelConfig = "default",
-    epochs: int | None = None,
-    align_shapes: bool | None = None,
-    split: dict[str, list[int]] | None = None,
-    reference: int | None = None,
-    seed: int = 0,
-    device: str = "auto",
-    up: str = "y",
-    checkpoint: str | Path | None = None,
-    resume: bool = False,
-    on_progress: ProgressCallback | None = None,
-) -> DeformationModel:
-    """Learn a deformation prior from example shapes.
-
-    Args:
-        shapes: N shapes with one connectivity.
-        components: K, dimensions of the latent code; None keeps the config's.
-        config: "default", "paper" or a ModelConfig.
-        epochs: training steps; None keeps the config's.
-        align_shapes: remove each shape's rigid motion first; None keeps the config's.
-        split: {"train": [...], "test": [...]}; only "train" is looked at. None trains on all.
-        reference: index of the undeformed shape; None is shape 0, or the first training shape
-            where 0 is not one of them.
-        seed: of weights and mixed shapes.
-        device: "cpu", "cuda", "mps" or "auto".
-        up: axis of the shapes that points up, "x" to "z" or "-x" to "-z"; kept for pictures.
-        checkpoint: folder for checkpoints, or None.
-        resume: continue from `checkpoint`.
-        on_progress: called during feature extraction and after every epoch.
-
-    Returns:
-        The model. After KeyboardInterrupt it is the best so far, and summary["interrupted"] is
-        True.
-
-    Raises:
-        InputError: too few shapes, a bad split, config, device or checkpoint.
-    """
-    settings = resolve_config(config, components=components, epochs=epochs, align=align_shapes)
-    resolve_device(device)
-    if up.removeprefix("-") not in ("x", "y", "z"):
-        raise InputError(f"up: expected x, y, z, -x, -y or -z, got {up!r}")
-    if resume and (checkpoint is None or not has_checkpoint(checkpoint)):
-        raise InputError(f"{checkpoint}: no checkpoint to resume; start without resuming")
-    split = {"train": list(range(len(shapes))), "test": [], **(split or {})}
-    if len(split["train"]) < 2:
-        raise InputError(
-            f"train needs at least 2 training shapes, got {len(split['train'])}; add examples"
-        )
-    if reference is None:
-        reference = 0 if 0 in split["train"] else split["train"][0]
-    base = shapes.mesh(reference)
-    held_out = shapes.subset(split["test"]).vertices if split["test"] else None
-    chosen = shapes.subset(split["train"]).vertices
-    if settings.align:
-        chosen = align(chosen, base.vertices)
-    extractor = FeatureExtractor(base)
-
-    def on_features(done: int, total: int) -> None:
-        if on_progress is not None:
-            on_progress(TrainingProgress("features", done, total))
-
-    q = extract_all(extractor, chosen, on_features)
-    scaler = FeatureScaler.fit(q)
-    x = scaler.scale(q)
-    del q
-    result = fit(
-        x,
-        extractor.indptr,
-        extractor.rings,
-        Geodesics(base),
-        settings,
-        seed=seed,
-        device=device,
-        checkpoint=Path(checkpoint) if checkpoint is not None else None,
-        resume=resume,
-        on_progress=on_progress,
-    )
-    codes = encode_features(result.network, x)
-    summary = {
-        "shapes": len(shapes),
-        "train": len(split["train"]),
-        "test": len(split["test"]),
-        "reference": reference,
-        "up": up,
-        "seed": seed,
-        "epochs": result.epochs,
-        "interrupted": result.interrupted,
-        "seconds": round(result.seconds, 1),
-        "loss": result.loss if np.isfinite(result.loss) else None,
-        "reconstruction_loss": (
-            result.reconstruction if np.isfinite(result.reconstruction) else None
-        ),
-    }
-    model = DeformationModel(
-        base, settings, scaler, result.network, codes, fit_prior(codes), split, summary
-    )
-    summary["train_e_rms"] = e_rms(chosen, model.decode(codes))
-    if held_out is not None:
-        if settings.align:
-            held_out = align(held_out, base.vertices)
-        summary["test_e_rms"] = e_rms(held_out, model.decode(model.encode(held_out)))
-    return model
 
 
 def shipped_models() -> list[str]:

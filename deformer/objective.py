@@ -88,7 +88,7 @@ class ArmEvaluation:
             scale = decoder.pointwise_slope(self._q)
             J = decoder.pull_back_affine(scaled_sensitivities(self._q, arms, scale))
         else:
-            _, g = arm_sensitivities(self._q, arms)
+            g = arm_sensitivities(self._q, arms)
             J = decoder.pull_back(self._z, g.reshape(-1, *g.shape[2:]))
         return J.reshape(len(arms), 3, len(self._z))
 

@@ -292,3 +292,12 @@ def procrustes(
     U[:, 2] *= np.sign(np.linalg.det(U) * np.linalg.det(Vt))
     R = U @ Vt
     return R, centre_b - R @ centre_a
+
+
+def align(vertices: FloatArray, target: FloatArray) -> FloatArray:
+    """Shapes (N, V, 3), each moved rigidly to lie as close as possible to `target` (V, 3)."""
+    moved = np.empty_like(vertices)
+    for n, shape in enumerate(vertices):
+        R, t = procrustes(shape, target)
+        moved[n] = shape @ R.T + t
+    return moved

@@ -8,8 +8,9 @@ from functools import cache
 
 import numpy as np
 
+from deformer.learning import train
 from deformer.mesh import Mesh, MeshSequence
-from deformer.model import DeformationModel, train
+from deformer.model import DeformationModel
 from deformer.rotations import log_to_rotation
 
 

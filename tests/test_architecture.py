@@ -17,7 +17,7 @@ ORDER = [
     "_atomic", "_json_files", "_parsing", "_obj", "_off", "_ply", "_stl", "_glb", "io", "doctor",
     "geodesics", "rotations", "metrics",
     "rotation_field", "differentials", "cholesky", "features", "poisson",
-    "autoencoder", "decoder", "losses", "training", "latent", "model",
+    "autoencoder", "decoder", "losses", "training", "latent", "model", "learning",
     "relaxation", "landmarks", "objective", "handles", "baselines", "evaluation",
 ]  # fmt: skip
 RANK = {name: index for index, name in enumerate(ORDER)}

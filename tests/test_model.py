@@ -12,7 +12,8 @@ from deformer.autoencoder import ModelConfig
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor
 from deformer.mesh import Mesh, MeshSequence
-from deformer.model import align, encode_features
+from deformer.model import encode_features
+from deformer.rotations import align
 from shapes import random_rotation, sequence, small_model, tube
 
 QUICK = ModelConfig(name="quick", components=3, epochs=5, mixed_shapes=2)

@@ -1,0 +1,132 @@
+"""From example shapes to a model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from deformer.autoencoder import ModelConfig, resolve_config
+from deformer.errors import InputError
+from deformer.features import FeatureExtractor, FeatureScaler, extract_all
+from deformer.geodesics import Geodesics
+from deformer.latent import fit_prior
+from deformer.mesh import MeshSequence
+from deformer.metrics import e_rms
+from deformer.model import DeformationModel, encode_features
+from deformer.rotations import align
+from deformer.training import (
+    ProgressCallback,
+    TrainingProgress,
+    fit,
+    has_checkpoint,
+    resolve_device,
+)
+
+
+def train(
+    shapes: MeshSequence,
+    components: int | None = None,
+    *,
+    config: str | ModelConfig = "default",
+    epochs: int | None = None,
+    align_shapes: bool | None = None,
+    split: dict[str, list[int]] | None = None,
+    reference: int | None = None,
+    seed: int = 0,
+    device: str = "auto",
+    up: str = "y",
+    checkpoint: str | Path | None = None,
+    resume: bool = False,
+    on_progress: ProgressCallback | None = None,
+) -> DeformationModel:
+    """Learn a deformation prior from example shapes.
+
+    Args:
+        shapes: N shapes with one connectivity.
+        components: K, dimensions of the latent code; None keeps the config's.
+        config: "default", "paper" or a ModelConfig.
+        epochs: training steps; None keeps the config's.
+        align_shapes: remove each shape's rigid motion first; None keeps the config's.
+        split: {"train": [...], "test": [...]}; only "train" is looked at. None trains on all.
+        reference: index of the undeformed shape; None is shape 0, or the first training shape
+            where 0 is not one of them.
+        seed: of weights and mixed shapes.
+        device: "cpu", "cuda", "mps" or "auto".
+        up: axis of the shapes that points up, "x" to "z" or "-x" to "-z"; kept for pictures.
+        checkpoint: folder for checkpoints, or None.
+        resume: continue from `checkpoint`.
+        on_progress: called during feature extraction and after every epoch.
+
+    Returns:
+        The model. After KeyboardInterrupt it is the best so far, and summary["interrupted"] is
+        True.
+
+    Raises:
+        InputError: too few shapes, a bad split, config, device or checkpoint.
+    """
+    settings = resolve_config(config, components=components, epochs=epochs, align=align_shapes)
+    resolve_device(device)
+    if up.removeprefix("-") not in ("x", "y", "z"):
+        raise InputError(f"up: expected x, y, z, -x, -y or -z, got {up!r}")
+    if resume and (checkpoint is None or not has_checkpoint(checkpoint)):
+        raise InputError(f"{checkpoint}: no checkpoint to resume; start without resuming")
+    split = {"train": list(range(len(shapes))), "test": [], **(split or {})}
+    if len(split["train"]) < 2:
+        raise InputError(
+            f"train needs at least 2 training shapes, got {len(split['train'])}; add examples"
+        )
+    if reference is None:
+        reference = 0 if 0 in split["train"] else split["train"][0]
+    base = shapes.mesh(reference)
+    held_out = shapes.subset(split["test"]).vertices if split["test"] else None
+    chosen = shapes.subset(split["train"]).vertices
+    if settings.align:
+        chosen = align(chosen, base.vertices)
+    extractor = FeatureExtractor(base)
+
+    def on_features(done: int, total: int) -> None:
+        if on_progress is not None:
+            on_progress(TrainingProgress("features", done, total))
+
+    q = extract_all(extractor, chosen, on_features)
+    scaler = FeatureScaler.fit(q)
+    x = scaler.scale(q)
+    del q
+    result = fit(
+        x,
+        extractor.indptr,
+        extractor.rings,
+        Geodesics(base),
+        settings,
+        seed=seed,
+        device=device,
+        checkpoint=Path(checkpoint) if checkpoint is not None else None,
+        resume=resume,
+        on_progress=on_progress,
+    )
+    codes = encode_features(result.network, x)
+    summary = {
+        "shapes": len(shapes),
+        "train": len(split["train"]),
+        "test": len(split["test"]),
+        "reference": reference,
+        "up": up,
+        "seed": seed,
+        "epochs": result.epochs,
+        "interrupted": result.interrupted,
+        "seconds": round(result.seconds, 1),
+        "loss": result.loss if np.isfinite(result.loss) else None,
+        "reconstruction_loss": (
+            result.reconstruction if np.isfinite(result.reconstruction) else None
+        ),
+    }
+    model = DeformationModel(
+        base, settings, scaler, result.network, codes, fit_prior(codes), split, summary
+    )
+    summary["train_e_rms"] = e_rms(chosen, model.decode(codes))
+    if held_out is not None:
+        if settings.align:
+            held_out = align(held_out, base.vertices)
+        summary["test_e_rms"] = e_rms(held_out, model.decode(model.encode(held_out)))
+    return model
