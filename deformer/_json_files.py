@@ -38,8 +38,9 @@ def _plain(value: Any) -> Any:
 
 
 def _read_json(path: Path) -> dict[str, Any]:
+    content = read_bytes(path)
     try:
-        data = json.loads(read_bytes(path))
+        data = json.loads(content)
     except json.JSONDecodeError as error:
         raise InputError(
             f"{path}, line {error.lineno}: not JSON ({error.msg}); correct the line"

@@ -261,8 +261,8 @@ def _examine_motion(shapes: MeshSequence, facts: dict[str, Any], findings: list[
             Finding(
                 "warning",
                 f"shape {angles.argmax()} is turned by {np.degrees(angles.max()):.0f}° as a whole "
-                f"against shape 0, expected at most {np.degrees(LARGE_ROTATION):.0f}°; align the "
-                "shapes rigidly if the turn means nothing",
+                f"against shape 0, expected at most {np.degrees(LARGE_ROTATION):.0f}°; train "
+                "with --align (align_shapes=True) if the turn means nothing",
             )
         )
 
