@@ -36,7 +36,6 @@ def subdivided(shapes: deformer.MeshSequence, times: int) -> deformer.MeshSequen
 def arap(reference: deformer.Mesh, handles: np.ndarray, path: np.ndarray) -> list[float]:
     data = igl.ARAPData()
     data.max_iter = 10
-    data.energy = igl.ARAP_ENERGY_TYPE_SPOKES
     igl.arap_precomputation(
         reference.vertices, reference.faces.astype(np.int64), 3, handles.astype(np.int64), data
     )
