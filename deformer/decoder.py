@@ -21,7 +21,7 @@ from deformer.parallel import over_ranges
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _affine(start, stop, part, matrix, z, bias, out):
+def _affine(start, stop, matrix, z, bias, out):
     """out_i = matrix_i z + bias, single precision, vertex by vertex."""
     K = matrix.shape[2]
     for i in range(start, stop):

@@ -115,7 +115,7 @@ def _stretches(T, R, s):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _to_gradients(start, stop, part, scaled, gain, offset, T):
+def _to_gradients(start, stop, scaled, gain, offset, T):
     """T = exp(r) S from features q = gain scaled + offset, scaled (V,9)."""
     R = np.empty((3, 3))
     q = np.empty(9)

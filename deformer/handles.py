@@ -179,11 +179,9 @@ class HandleSolver:
         index = np.asarray(vertices)
         if index.size == 0:
             index = index.astype(np.int64).reshape(0)
-        goals = (
-            np.asarray(targets, dtype=np.float64).reshape(-1, 3)
-            if index.size == 0
-            else (np.asarray(targets, dtype=np.float64))
-        )
+        goals = np.asarray(targets, dtype=np.float64)
+        if index.size == 0:
+            goals = goals.reshape(-1, 3)
         V = len(self.model.reference.vertices)
         if index.ndim != 1 or not np.issubdtype(index.dtype, np.integer):
             raise InputError(f"vertices: expected (H,) integers, got {index.dtype} {index.shape}")
@@ -191,11 +189,9 @@ class HandleSolver:
         if goals.shape != (H, 3):
             raise InputError(f"targets: expected ({H}, 3), one a handle, got {goals.shape}")
         factors = np.ones(H) if weights is None else np.asarray(weights, dtype=np.float64)
-        exact = (
-            np.broadcast_to(np.asarray(hard, dtype=bool), (H,))
-            if np.ndim(hard) == 0
-            else (np.asarray(hard, dtype=bool))
-        )
+        exact = np.asarray(hard, dtype=bool)
+        if exact.ndim == 0:
+            exact = np.broadcast_to(exact, (H,))
         for name, array in (("weights", factors), ("hard", exact)):
             if array.shape != (H,):
                 raise InputError(f"{name}: expected ({H},), one a handle, got {array.shape}")
@@ -226,10 +222,12 @@ class HandleSolver:
         with _one_blas_thread():
             if warm and self._state is not None:
                 state, steps = self._follow(self._state)
+                rounds = self._warm_rounds
             else:
                 self._relaxation.reset()
                 state, steps = self._search()
-            pose = self._pose(state, steps, self._warm_rounds if warm else self.relaxation)
+                rounds = self.relaxation
+            pose = self._pose(state, steps, rounds)
         self._state = state
         return replace(pose, milliseconds=1000.0 * (time.perf_counter() - begun))
 

@@ -37,9 +37,8 @@ def choose_landmarks(
         return np.arange(V), np.arange(V)
     rng = np.random.default_rng(seed)
     responses = decoder.matrix @ factor
-    width = responses.shape[0] // V if responses.shape[0] % V == 0 else 0
     probes = rng.normal(size=(responses.shape[1], 4))
-    sketch = (responses @ probes).reshape(V, width * 4)
+    sketch = (responses @ probes).reshape(V, -1)
     sketch = sketch @ rng.normal(size=(sketch.shape[1], _SKETCH)) / _SKETCH**0.5
     sketch /= sketch.std() or 1.0
     spread = positions - positions.mean(axis=0)

@@ -22,21 +22,14 @@ def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(max_workers=_CORES, thread_name_prefix="deformer")
 
 
-def over_ranges(kernel: Callable[..., None], count: int, *arguments: Any) -> int:
-    """Call kernel(start, stop, part, *arguments) on consecutive ranges that cover 0…count.
-
-    Returns the number of parts; `part` counts them, for kernels that leave partial sums.
-    """
+def over_ranges(kernel: Callable[..., None], count: int, *arguments: Any) -> None:
+    """Call kernel(start, stop, *arguments) on consecutive ranges that cover 0…count."""
     parts = max(1, min(_CORES, count // _SMALLEST_SHARE))
     bounds = [count * part // parts for part in range(parts + 1)]
-    if parts == 1:
-        kernel(0, count, 0, *arguments)
-        return 1
     futures = [
-        _pool().submit(kernel, bounds[part], bounds[part + 1], part, *arguments)
+        _pool().submit(kernel, bounds[part], bounds[part + 1], *arguments)
         for part in range(1, parts)
     ]
-    kernel(bounds[0], bounds[1], 0, *arguments)
+    kernel(bounds[0], bounds[1], *arguments)
     for future in futures:
         future.result()
-    return parts

@@ -26,7 +26,7 @@ _BATCH = 40
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _rhs(start, stop, part, indptr, rings, c, v, T, b):
+def _rhs(start, stop, indptr, rings, c, v, T, b):
     """b_i = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j)."""
     for i in range(start, stop):
         bx = by = bz = 0.0

@@ -18,7 +18,7 @@ _STEPS = 2
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _local(start, stop, part, indptr, rings, c, rest, p, R, steps):
+def _local(start, stop, indptr, rings, c, rest, p, R, steps):
     """R_i towards the rotation closest to A_i = Σ_j c_ij (p_i − p_j) g_ijᵀ, from where it was.
 
     g_ij = rest_i − rest_j. The fixed-point iteration of Müller et al. (A Robust Method to Extract
@@ -67,7 +67,7 @@ def _local(start, stop, part, indptr, rings, c, rest, p, R, steps):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _rotated_rhs(start, stop, part, indptr, rings, c, rest, R, b, out):
+def _rotated_rhs(start, stop, indptr, rings, c, rest, R, b, out):
     """Out_i = b_i + Σ_j c_ij (½ (R_i + R_j) − I) (rest_i − rest_j).
 
     Where L rest = b this is the sum of the rotated edges alone.

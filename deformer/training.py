@@ -283,8 +283,9 @@ def fit(
         network.start_from_components(_with_mixed(shapes, mixer, _INITIAL_MIXED))
     stochastic = mixer is not None or 0 < config.batch < len(x)
     run = _Run(network, optimiser, mixer, generator, stochastic, identity)
-    with torch.no_grad():
-        run.mean = network.mean(shapes)
+    if not stochastic:  # every step sees the same shapes: their ring mean is taken once
+        with torch.no_grad():
+            run.mean = network.mean(shapes)
     if resume:
         if checkpoint is None:
             raise InputError("resume: a checkpoint folder is needed")
@@ -329,16 +330,15 @@ def _step(
 ) -> tuple[float, float, float]:
     """One step on all shapes; returns the three weighted terms before the step."""
     network, N = run.network, shapes.shape[1]
-    batch, mean = shapes, run.mean
+    batch = shapes
     if 0 < config.batch < N:
         drawn = torch.randperm(N, generator=run.generator)[: config.batch]
-        batch, mean = shapes[:, drawn.to(shapes.device)], None
-    if run.mixer is not None:
-        batch, mean = _with_mixed(batch, run.mixer, config.mixed_shapes), None
+        batch = shapes[:, drawn.to(shapes.device)]
+    batch = _with_mixed(batch, run.mixer, config.mixed_shapes)
     for group in run.optimiser.param_groups:
         group["lr"] = _learning_rate(config, run.epoch)
     run.optimiser.zero_grad(set_to_none=True)
-    estimate, z = network(batch, mean)
+    estimate, z = network(batch, run.mean)
     error = losses.reconstruction(batch, estimate)
     sparse = config.sparsity * losses.sparsity(network.C, locality.update(network.C))
     spread = config.range_weight * losses.latent_range(z, config.range_limit)

@@ -166,3 +166,13 @@ def small_model() -> DeformationModel:
 def large_model() -> DeformationModel:
     """The same of 1,440 vertices: more than the solver looks at while it searches."""
     return _trained(sequence(12, 24, 60), 120)
+
+
+# One of each kind of mesh that every operator must hold on.
+MESHES = {
+    "tube": tube(),
+    "strip": strip(),
+    "sphere": icosphere(2),
+    "components": two_components(),
+    "awkward": awkward(),
+}

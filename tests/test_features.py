@@ -20,9 +20,8 @@ from deformer.mesh import Mesh, MeshSequence, connected_components, edges
 from deformer.poisson import PoissonSystem
 from deformer.rotations import log_to_rotation
 from shapes import (
-    awkward,
+    MESHES,
     bend,
-    icosphere,
     random_rotation,
     sequence,
     strip,
@@ -32,13 +31,6 @@ from shapes import (
 )
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
-MESHES = {
-    "tube": tube(),
-    "strip": strip(),
-    "sphere": icosphere(2),
-    "components": two_components(),
-    "awkward": awkward(),
-}
 IDENTITY = np.array([0, 0, 0, 1, 0, 0, 1, 0, 1.0])
 
 

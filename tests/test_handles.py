@@ -460,3 +460,13 @@ def test_settling_ends_where_nothing_improves(model, diagonal, hard):
     cold = HandleSolver(model)
     cold.set_handles(SPREAD, shape[SPREAD], hard=hard)
     assert largest(settled.vertices - cold.solve().vertices) < 0.02 * diagonal
+
+
+def test_a_warm_solve_without_a_last_solution_is_a_cold_one(model):
+    _, shape = pose_between(model)
+    poses = []
+    for warm in (False, True):
+        solver = HandleSolver(model)
+        solver.set_handles(SPREAD, shape[SPREAD] * 1.2, hard=True)
+        poses.append(solver.solve(warm=warm).vertices)
+    np.testing.assert_array_equal(*poses)

@@ -8,15 +8,13 @@ from deformer.features import FeatureExtractor
 from deformer.mesh import Mesh, connected_components, cotan_weights
 from deformer.poisson import PoissonSystem
 from deformer.rotations import log_to_rotation
-from shapes import awkward, bend, icosphere, random_rotation, strip, tube, twist, two_components
+from shapes import (
+    MESHES,
+    bend,
+    random_rotation,
+    twist,
+)
 
-MESHES = {
-    "tube": tube(),
-    "strip": strip(),
-    "sphere": icosphere(2),
-    "components": two_components(),
-    "awkward": awkward(),
-}
 NAMES = pytest.mark.parametrize("name", MESHES)
 
 

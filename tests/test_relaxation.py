@@ -7,15 +7,8 @@ from deformer.mesh import Mesh
 from deformer.poisson import PoissonSystem
 from deformer.relaxation import Relaxation, meet_exactly
 from deformer.rotations import polar
-from shapes import awkward, bend, icosphere, random_rotation, strip, tube, two_components
+from shapes import MESHES, bend, random_rotation
 
-MESHES = {
-    "tube": tube(),
-    "strip": strip(),
-    "sphere": icosphere(2),
-    "components": two_components(),
-    "awkward": awkward(),
-}
 NAMES = pytest.mark.parametrize("name", MESHES)
 
 
