@@ -1,0 +1,331 @@
+"""The handle solve written down plainly: the oracle that `deformer.HandleSolver` is held against.
+
+Same interface and same energies as the fast solver, no numerics in common with it: double
+precision, all vertices, derivatives by automatic differentiation, descents until nothing is gained,
+direct sparse solves. From a model only data are read.
+"""
+
+from __future__ import annotations
+
+import copy
+import time
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike, NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+from torch import Tensor
+
+from deformer import DeformationModel, Pose
+
+# Prior standard deviations of the rigid motion: radians, and bounding diagonals.
+_ROTATION_SCALE = 0.3
+_TRANSLATION_SCALE = 1.0
+# A cold solve scores so many training codes and descends from the best few and from the mean.
+_CANDIDATES = 60
+_STARTS = 8
+# A descent ends with a step that gains less (relative), or after so many.
+_TOLERANCE = 1e-12
+_STEPS = 200
+# Rounds of relaxation in a warm solve.
+_WARM_ROUNDS = 1
+# Rows of a Jacobian at once: bounds memory.
+_ROWS = 16
+
+Array = NDArray[np.float64]
+
+
+class ReferenceSolver:
+    """Finds the latent code, rigid motion and relaxed pose that meet the handles.
+
+    Unknowns x = (y, ω, t): z = μ + L y with Σ = L Lᵀ, a rotation vector, and a translation in
+    bounding diagonals D. With p_h(z) the handle in the decoded shape, relative to its centroid, the
+    latent energy is
+
+        Σ_h w_h ‖Q(ω) p_h(z) + centroid + D t − q_h‖² / (σ D)² + ‖y‖² + ‖ω‖²/0.3² + ‖t‖²/1².
+
+    Where handles are hard, the pose minimises, in rounds of a local (R) and a global (p) step from
+    R = I and with the handles exact,
+
+        Σ_i Σ_j c_ij ‖(p_i − p_j) − R_i T_i (v_i − v_j)‖²
+
+    with v the reference and T_i the decoded deformation gradients.
+
+    Args:
+        model: the prior; any number of decoder layers.
+        rigid: let the whole shape rotate and translate; otherwise ω = t = 0.
+        noise: σ.
+        relaxation: rounds of a cold solve; 0 meets the handles with R = I.
+    """
+
+    def __init__(
+        self,
+        model: DeformationModel,
+        *,
+        rigid: bool = True,
+        noise: float = 0.007,
+        relaxation: int = 10,
+    ) -> None:
+        """Read the model's arrays; handles are set later."""
+        self.model, self.rigid, self.noise, self.relaxation = model, rigid, noise, relaxation
+        v, c = model.reference.vertices, sparse.coo_array(model.poisson.weights)
+        self._centroid, self._diagonal = v.mean(axis=0), model.reference.bounding_diagonal
+        i, j = c.coords
+        # (E_x)_ij = c_ij (v_i − v_j)_x, for x in 0, 1, 2, and row sums on a diagonal.
+        data = (c.data[:, None] * (v[i] - v[j])).T
+        edges = [sparse.coo_array((row, (i, j)), c.shape) for row in data]
+        # b_i = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j) is Σ_x B_x T_x with T_x (V, 3) column x of T,
+        self._divergence = [sparse.csr_array(_row_sums(E) + E) / 2 for E in edges]
+        # and Σ_j c_ij (p_i − p_j)(v_i − v_j)_x is row i of C_x p.
+        self._covariance = [sparse.csr_array(_row_sums(E) - E) for E in edges]
+        self._laplacian = sparse.csc_array(_row_sums(c) - c)
+        # Vertex 0 is held: what L leaves open is a translation.
+        self._factor = splu(self._laplacian[1:, 1:])
+        self._network = copy.deepcopy(model.network).double().requires_grad_(False)
+        # Rounded to single precision by the network.
+        degree = np.maximum(np.diff(model.network.mean.get_buffer("crow").numpy()), 1)
+        self._network.mean.register_buffer("inverse_degree", torch.tensor(1.0 / degree))
+        self._mean, self._root = torch.tensor(model.prior.mean), torch.tensor(model.prior.factor)
+        rigid_scales = [_ROTATION_SCALE] * 3 + [_TRANSLATION_SCALE] * 3
+        self._stiffness = np.r_[np.ones(model.components), rigid_scales] ** -2
+        self._x: Array | None = None
+        self._R: Array | None = None
+        self.set_handles(np.empty(0, dtype=np.int64), np.empty((0, 3)))
+
+    def set_handles(
+        self,
+        vertices: ArrayLike,
+        targets: ArrayLike,
+        weights: ArrayLike | None = None,
+        hard: bool | Sequence[bool] = False,
+    ) -> None:
+        """Replace all handles; arguments as those of `HandleSolver.set_handles`.
+
+        A vertex given twice has the sum of the weights and the weighted mean of the targets, and
+        is hard if one of the two is.
+        """
+        self._asked = np.asarray(vertices, dtype=np.int64).reshape(-1)
+        self._asked_targets = np.asarray(targets, dtype=np.float64).reshape(-1, 3)
+        H = len(self._asked)
+        factors = np.ones(H) if weights is None else np.asarray(weights, dtype=np.float64)
+        exact = np.broadcast_to(np.asarray(hard, dtype=bool), (H,))
+        self._vertices, place = np.unique(self._asked, return_inverse=True)
+        self._weights = np.bincount(place, factors, len(self._vertices))
+        self._exact = np.unique(self._asked[exact])
+        self._targets = np.zeros((len(self._vertices), 3))
+        np.add.at(self._targets, place, factors[:, None] * self._asked_targets)
+        self._targets /= self._weights[:, None]
+        V = len(self.model.reference.vertices)
+        self._arms = np.array([self._arm(h) for h in self._vertices]).reshape(-1, 3 * V)
+        self._rest = np.delete(np.arange(V), self._exact)
+        self._rest_factor = None
+        if 0 < len(self._exact) < V:
+            self._rest_factor = splu(self._laplacian[self._rest][:, self._rest])
+
+    def solve(self, warm: bool = False) -> Pose:
+        """Pose for the present handles; `energy` is the latent energy, without the relaxation.
+
+        Args:
+            warm: descend from the last solution only and go on with its rotations.
+        """
+        begun = time.perf_counter()
+        if warm and self._x is not None:
+            starts, rounds = [self._x], min(self.relaxation, _WARM_ROUNDS)
+        else:
+            starts, rounds, self._R = self._starts(), self.relaxation, None
+        found = [self._descend(x) for x in starts]
+        x, energy, _ = min(found, key=lambda entry: entry[1])
+        p, self._x = self._pose(x, rounds), x
+        return Pose(
+            vertices=p,
+            z=self._codes(torch.tensor(x)[None])[0].numpy(),
+            rotation=x[-6:-3].copy(),
+            translation=self._diagonal * x[-3:],
+            residual=np.linalg.norm(p[self._asked] - self._asked_targets, axis=1),
+            iterations=sum(steps for _, _, steps in found),
+            milliseconds=1000.0 * (time.perf_counter() - begun),
+            prior_distance=float(np.linalg.norm(x[:-6])),
+            energy=energy,
+        )
+
+    def decode(self, z: ArrayLike) -> Array:
+        """Shape (V, 3) of a latent code (K,), centroid at the reference's."""
+        code = torch.tensor(np.asarray(z, dtype=np.float64))[None]
+        return self._free_solution(self._rhs(self._gradients(code)[0].numpy())) + self._centroid
+
+    def energy(self, x: Array) -> float:
+        """Latent energy of the unknowns x = (y, ω, t), (K + 6,)."""
+        misfit = self._misfit(torch.tensor(x)[None]).numpy()
+        return float((misfit**2).sum() + (self._stiffness * x**2).sum())
+
+    def _codes(self, x: Tensor) -> Tensor:
+        """Latent codes z = μ + L y, (n, K), of unknowns (n, K + 6)."""
+        return self._mean + x[:, :-6] @ self._root.T
+
+    def _gradients(self, z: Tensor) -> Tensor:
+        """Deformation gradients T = exp(r) S, (n, V, 3, 3), of latent codes (n, K)."""
+        gain, offset = self.model.scaler.gain, self.model.scaler.offset
+        q = self._network.decode(z).transpose(0, 1) * torch.tensor(gain) + torch.tensor(offset)
+        # The features hold xx xy xz yy yz zz of S.
+        S = q[..., [3, 4, 5, 4, 6, 7, 5, 7, 8]].unflatten(-1, (3, 3))
+        return _exp(q[..., :3]) @ S
+
+    def _rhs(self, T: Array) -> Array:
+        """Right-hand side b (V, 3) of gradients (V, 3, 3)."""
+        return np.sum([B @ T[:, :, x] for x, B in enumerate(self._divergence)], axis=0)
+
+    def _free_solution(self, b: Array) -> Array:
+        """Solution (V, m) of L p = b with mean 0, for b (V, m) that sum to 0."""
+        p = np.zeros_like(b)
+        p[1:] = self._factor.solve(b[1:])
+        return p - p.mean(axis=0)
+
+    def _arm(self, vertex: int) -> Array:
+        """Adjoint weights (3V,) of a vertex: p_h = Σ_i T_i a_i for the centred free solution.
+
+        p_h = gᵀ b with L g = e_h − 1/V, and b = Σ_x B_x T_x, so that a_x = B_xᵀ g.
+        """
+        V = len(self.model.reference.vertices)
+        unit = (np.arange(V) == vertex) - 1.0 / V
+        g = self._free_solution(unit[:, None])[:, 0]
+        return np.stack([B.T @ g for B in self._divergence], axis=1).ravel()
+
+    def _misfit(self, x: Tensor) -> Tensor:
+        """Weighted differences (n, H, 3) from targets to handles, of unknowns (n, K + 6)."""
+        T = self._gradients(self._codes(x))
+        p = (T.transpose(1, 2).flatten(2) @ torch.from_numpy(self._arms).T).transpose(1, 2)
+        offset = torch.tensor(self._centroid) + self._diagonal * x[:, None, -3:]
+        moved = p @ _exp(x[:, -6:-3]).transpose(1, 2) + offset
+        weights = torch.tensor(np.sqrt(self._weights) / (self.noise * self._diagonal))
+        return weights[:, None] * (moved - torch.tensor(self._targets))
+
+    def _jacobian(self, x: Array) -> Array:
+        """Derivative (3H, K + 6) of the misfit."""
+        J = np.empty((3 * len(self._vertices), len(x)))
+        for start in range(0, len(J), _ROWS):
+            # A row from each of as many copies of x: one backward pass gives them all.
+            rows = J[start : start + _ROWS]
+            copies = torch.tensor(x).repeat(len(rows), 1).requires_grad_()
+            picked = self._misfit(copies).flatten(1)[:, start : start + _ROWS].diagonal()
+            rows[:] = torch.autograd.grad(picked.sum(), copies)[0].numpy()
+        return J
+
+    def _starts(self) -> list[Array]:
+        """The prior's mean and the best training codes, translated towards the targets."""
+        codes = self.model.codes
+        picked = np.unique(np.linspace(0, len(codes) - 1, _CANDIDATES).round().astype(int))
+        y = np.linalg.solve(self._root.numpy(), (codes[picked] - self._mean.numpy()).T).T
+        starts = [self._placed(np.concatenate([white, np.zeros(6)])) for white in y]
+        starts.sort(key=self.energy)
+        return [self._placed(np.zeros(len(self._stiffness))), *starts[:_STARTS]]
+
+    def _placed(self, x: Array) -> Array:
+        """The unknowns, translated so that the handles' weighted mean is the targets'."""
+        if not self.rigid or len(self._vertices) == 0:
+            return x
+        root = np.sqrt(self._weights)
+        # The misfit of a handle is √w_h / (σ D) times its way to the target.
+        way = root @ self._misfit(torch.tensor(x)[None])[0].numpy() * self.noise / (root @ root)
+        moved = x.copy()
+        moved[-3:] -= way
+        return moved
+
+    def _descend(self, x: Array) -> tuple[Array, float, int]:
+        """Levenberg–Marquardt from x: unknowns, energy and steps once nothing is gained."""
+        active = slice(None) if self.rigid else slice(-6)
+        stiffness, energy, damping = self._stiffness[active], self.energy(x), 1e-3
+        for count in range(_STEPS):
+            J = self._jacobian(x)[:, active]
+            hessian = J.T @ J + np.diag(stiffness)
+            misfit = self._misfit(torch.tensor(x)[None]).numpy().ravel()
+            gradient = J.T @ misfit + stiffness * x[active]
+            while True:
+                trial = x.copy()
+                damped = hessian + damping * np.diag(np.diag(hessian))
+                trial[active] -= np.linalg.solve(damped, gradient)
+                value = self.energy(trial)
+                if value <= energy:
+                    break
+                damping *= 8.0
+                if damping > 1e12:
+                    return x, energy, count
+            gain, x, energy = energy - value, trial, value
+            damping = max(damping / 8.0, 1e-12)
+            if gain <= _TOLERANCE * energy:
+                return x, energy, count + 1
+        return x, energy, _STEPS
+
+    def _pose(self, x: Array, rounds: int) -> Array:
+        """Vertices (V, 3) of the unknowns: relaxed where handles are hard, and moved rigidly."""
+        T = self._gradients(self._codes(torch.tensor(x)[None]))[0].numpy()
+        Q = _exp(torch.tensor(x[-6:-3])).numpy()
+        offset = self._centroid + self._diagonal * x[-3:]
+        if len(self._exact) == 0:
+            return self._free_solution(self._rhs(T)) @ Q.T + offset
+        goals = self._targets[np.isin(self._vertices, self._exact)]
+        p = self._relaxed(T, (goals - offset) @ Q, rounds) @ Q.T + offset
+        p[self._exact] = goals
+        return p
+
+    def _relaxed(self, T: Array, targets: Array, rounds: int) -> Array:
+        """Positions (V, 3) with hard handles at targets (h, 3), both in the model's frame.
+
+        From R = I the last step is a global one. A call that goes on begins with a global step and
+        the rotations at hand, and leaves those of a last local step for the next.
+        """
+        if self._R is None:
+            R = np.tile(np.eye(3), (len(T), 1, 1))
+            p = self._global(R @ T, targets)
+            for _ in range(rounds):
+                R = self._local(T, p)
+                p = self._global(R @ T, targets)
+        else:
+            R = self._R
+            p = self._global(R @ T, targets)
+            if rounds:
+                R = self._local(T, p)
+        self._R = R
+        return p
+
+    def _local(self, T: Array, p: Array) -> Array:
+        """Rotations (V, 3, 3): argmax tr(R_iᵀ A_i), A_i = Σ_j c_ij (p_i−p_j)(v_i−v_j)ᵀ T_iᵀ."""
+        A = np.stack([C @ p for C in self._covariance], axis=2) @ T.transpose(0, 2, 1)
+        U, _, Vt = np.linalg.svd(A)
+        U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
+        return U @ Vt
+
+    def _global(self, turned: Array, targets: Array) -> Array:
+        """Positions (V, 3) of gradients R_i T_i (V, 3, 3) with the hard handles at the targets.
+
+        The rows of L p = b(R T) of the other vertices, with what is known on the right: the same
+        minimiser as the Schur complement's with free translation.
+        """
+        p = np.zeros((len(turned), 3))
+        p[self._exact] = targets
+        if self._rest_factor is not None:
+            b = self._rhs(turned) - self._laplacian @ p
+            p[self._rest] = self._rest_factor.solve(b[self._rest])
+        return p
+
+
+def _row_sums(matrix: sparse.coo_array) -> sparse.dia_array:
+    """Diagonal matrix of a matrix's row sums."""
+    return sparse.diags_array(np.asarray(matrix.sum(axis=1)).ravel())
+
+
+def _exp(r: Tensor) -> Tensor:
+    """Rotations (..., 3, 3) of rotation vectors (..., 3): I + a [r]× + b [r]×² (Rodrigues)."""
+    square = (r * r).sum(-1)[..., None, None]
+    small = square < 1e-4
+    # The branch not taken must have a finite derivative, too.
+    angle = torch.where(small, torch.ones_like(square), square).sqrt()
+    a_series = 1 - square / 6 * (1 - square / 20 * (1 - square / 42))
+    b_series = 0.5 - square / 24 * (1 - square / 30 * (1 - square / 56))
+    a = torch.where(small, a_series, angle.sin() / angle)
+    b = torch.where(small, b_series, 2 * (angle / 2).sin() ** 2 / angle**2)
+    x, y, z = r.unbind(-1)
+    zero = torch.zeros_like(x)
+    cross = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).unflatten(-1, (3, 3))
+    return torch.eye(3, dtype=r.dtype) + a * cross + b * cross @ cross
