@@ -16,6 +16,7 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
+from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from deformer import DeformationModel, Pose
@@ -31,6 +32,8 @@ _TOLERANCE = 1e-12
 _STEPS = 200
 # Rounds of relaxation in a warm solve.
 _WARM_ROUNDS = 1
+# Over-relaxation of the local steps.
+_FURTHER = 1.5
 # Rows of a Jacobian at once: bounds memory.
 _ROWS = 16
 
@@ -279,22 +282,27 @@ class ReferenceSolver:
             R = np.tile(np.eye(3), (len(T), 1, 1))
             p = self._global(R @ T, targets)
             for _ in range(rounds):
-                R = self._local(T, p)
+                R = self._local(T, p, R)
                 p = self._global(R @ T, targets)
         else:
             R = self._R
             p = self._global(R @ T, targets)
             if rounds:
-                R = self._local(T, p)
+                R = self._local(T, p, R)
         self._R = R
         return p
 
-    def _local(self, T: Array, p: Array) -> Array:
-        """Rotations (V, 3, 3): argmax tr(R_iᵀ A_i), A_i = Σ_j c_ij (p_i−p_j)(v_i−v_j)ᵀ T_iᵀ."""
+    def _local(self, T: Array, p: Array, R: Array) -> Array:
+        """Rotations (V, 3, 3): from R past argmax tr(R_iᵀ A_i), A_i = Σ_j c_ij p_ij v_ijᵀ T_iᵀ.
+
+        The step D from R to the optimum is over-relaxed: half-angle tangents grow by _FURTHER.
+        """
         A = np.stack([C @ p for C in self._covariance], axis=2) @ T.transpose(0, 2, 1)
         U, _, Vt = np.linalg.svd(A)
         U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
-        return U @ Vt
+        step = Rotation.from_matrix(U @ Vt @ R.transpose(0, 2, 1)).as_quat(canonical=True)
+        step[:, :3] *= _FURTHER
+        return Rotation.from_quat(step).as_matrix() @ R
 
     def _global(self, turned: Array, targets: Array) -> Array:
         """Positions (V, 3) of gradients R_i T_i (V, 3, 3) with the hard handles at the targets.

@@ -11,6 +11,7 @@ from deformer.mesh import Mesh, MeshSequence
 from deformer.metrics import e_rms
 from deformer.model import DeformationModel, load_model, shipped_models
 from deformer.poisson import PoissonSystem, reconstruct
+from deformer.sequence import SequenceFit, fit_sequence
 
 __all__ = [
     "DeformationModel",
@@ -25,9 +26,11 @@ __all__ = [
     "ModelConfig",
     "PoissonSystem",
     "Pose",
+    "SequenceFit",
     "e_rms",
     "extract_features",
     "farthest_points",
+    "fit_sequence",
     "load_mesh",
     "load_model",
     "load_shapes",

@@ -37,6 +37,8 @@ class ModelConfig:
             step; 0 trains on the examples alone (the paper).
         initial: "random" weights (the paper), or "pca": the principal components of the first
             layer's output.
+        pruning: after training, weights ‖C_k^i‖ below this share of component k's largest become
+            zero, so that supports end somewhere; 0 keeps all (the paper).
         align: remove each shape's rigid motion against the reference before anything else.
     """
 
@@ -54,6 +56,7 @@ class ModelConfig:
     batch: int = 16
     mixed_shapes: int = 24
     initial: str = "pca"
+    pruning: float = 0.01
     align: bool = False
 
     def __post_init__(self) -> None:
@@ -75,6 +78,8 @@ class ModelConfig:
                 raise InputError(
                     f"{field}: expected one of {', '.join(allowed)}, got {getattr(self, field)!r}"
                 )
+        if not 0 <= self.pruning < 1:
+            raise InputError(f"pruning: expected 0 or more and below 1, got {self.pruning}")
         for field in ("sparsity", "range_weight", "range_limit", "batch", "mixed_shapes"):
             if getattr(self, field) < 0:
                 raise InputError(f"{field}: expected 0 or more, got {getattr(self, field)}")
@@ -95,6 +100,7 @@ PRESETS: dict[str, ModelConfig] = {
         batch=0,
         mixed_shapes=0,
         initial="random",
+        pruning=0.0,
     ),
 }
 
@@ -238,6 +244,12 @@ class MeshAutoencoder(nn.Module):
         count = min(self.C.shape[2], int((values > 1e-6 * values[-1]).sum()))
         leading = vectors[:, -count:].flip(1) / values[-count:].flip(0).sqrt()
         self.C[:, :, :count] = (f.T @ leading).reshape(*self.C.shape[:2], count)
+
+    @torch.no_grad()
+    def prune(self, share: float) -> None:
+        """Set weights ‖C_k^i‖ below `share` of component k's largest to zero."""
+        strength = torch.linalg.vector_norm(self.C, dim=1, keepdim=True)
+        self.C[(strength < share * strength.amax(dim=0)).expand_as(self.C)] = 0.0
 
     def _convolve(self, x: Tensor, mean: Tensor | None = None) -> Tensor:
         """Output f (N, μV) of the encoder's convolutions."""

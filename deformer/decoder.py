@@ -15,22 +15,26 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from deformer.autoencoder import GraphConv, MeshAutoencoder
-from deformer.features import FeatureScaler, scaled_to_gradients
+from deformer.features import FeatureScaler
 from deformer.mesh import FloatArray, IntArray
 from deformer.parallel import over_ranges
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _affine(start, stop, matrix, z, bias, out):
-    """out_i = matrix_i z + bias, single precision, vertex by vertex."""
+    """out_i = matrix_i z + bias, vertex by vertex, in the precision of z."""
     K = matrix.shape[2]
     for i in range(start, stop):
         for d in range(matrix.shape[1]):
             row = matrix[i, d]
-            total = np.float32(0.0)
+            total = bias[d]
             for k in range(K):
                 total += row[k] * z[k]
-            out[i, d] = total + bias[d]
+            out[i, d] = total
+
+
+# Rows of the matrix that are in double precision at once.
+_ROWS = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,48 +99,38 @@ class Decoder:
             layer = _Layer(place[rows], mean[rows][:, below], point, neighbour, bias)
             self._layers.insert(0, layer)
             rows = below
-        C = network.C.detach().double().cpu().numpy()
+        C = network.C.detach().float().cpu().numpy()
         self.components = C.shape[2]
         self.vertex_count = len(rows) if not self._layers else len(self._layers[-1].own)
-        point, neighbour, bias = convs[0]
-        averaged = (mean[rows] @ C.reshape(V, -1)).reshape(len(rows), *C.shape[1:])
-        matrix = np.einsum("vmk,md->vdk", C[rows], point)
-        matrix += np.einsum("vmk,md->vdk", averaged, neighbour)
-        self.matrix = np.ascontiguousarray(matrix.reshape(-1, self.components))
-        self.bias = np.tile(bias, len(rows))
-        self._first_rows = len(rows)
-        self._gain, self._offset = scaler.gain, scaler.offset
-        self._single = self.matrix.astype(np.float32).reshape(len(rows), -1, self.components)
-        self._single_bias = bias.astype(np.float32)
+        point, neighbour, self.base = convs[0]
+        near = mean[rows].astype(np.float32) @ C.reshape(V, -1)
+        near = near.reshape(len(rows), *C.shape[1:])
+        own = C if vertices is None else C[rows]
+        # (n, d, K), single precision as the network itself.
+        self.matrix = np.matmul(point.T.astype(np.float32), own)
+        self.matrix += np.matmul(neighbour.T.astype(np.float32), near)
+        self.gain, self.offset = scaler.gain, scaler.offset
 
     def features(self, z: FloatArray) -> FloatArray:
         """Features (n, 9) of a latent code (K,)."""
-        return self._activations(z)[-1] * self._gain + self._offset
-
-    def fast_gradients(self, z: FloatArray) -> FloatArray:
-        """Deformation gradients (n, 3, 3), the affine first part in single precision."""
-        x = np.empty(self._single.shape[:2], dtype=np.float32)
-        code = z.astype(np.float32)
-        over_ranges(_affine, len(x), self._single, code, self._single_bias, x)
-        np.tanh(x, out=x)
-        output: NDArray = x
-        for layer in self._layers:
-            output = layer(output)
-        return scaled_to_gradients(output, self._gain, self._offset)
+        return self._activations(z)[-1] * self.gain + self.offset
 
     def single_features(self, z: FloatArray) -> FloatArray:
-        """Features (n, 9), the affine first part in single precision; for few vertices."""
-        flat = self._single.reshape(-1, self.components)
-        x: NDArray = (flat @ z.astype(np.float32)).reshape(self._single.shape[:2])
-        x += self._single_bias
-        np.tanh(x, out=x)
+        """Features (n, 9), the affine first part in single precision."""
+        x: NDArray = self._first(z.astype(np.float32))
         for layer in self._layers:
             x = layer(x)
-        return x * self._gain + self._offset
+        return x * self.gain + self.offset
+
+    def _first(self, z: NDArray) -> NDArray:
+        """Output (·, d) of the first tanh, in the precision of z."""
+        x = np.empty(self.matrix.shape[:2], dtype=z.dtype)
+        over_ranges(_affine, len(x), self.matrix, z, self.base.astype(z.dtype), x)
+        return np.tanh(x, out=x)
 
     def _activations(self, z: FloatArray) -> list[FloatArray]:
         """Outputs (·, ·) of every tanh."""
-        outputs = [np.tanh(self.matrix @ z + self.bias).reshape(self._first_rows, -1)]
+        outputs = [self._first(np.asarray(z, dtype=np.float64))]
         for layer in self._layers:
             outputs.append(layer(outputs[-1]))
         return outputs
@@ -145,10 +139,10 @@ class Decoder:
         """Features (n, 9) and their derivative (K, n, 9) with respect to z."""
         outputs = self._activations(z)
         slope = 1.0 - outputs[0] ** 2
-        dx = self.matrix.T.reshape(self.components, self._first_rows, -1) * slope
+        dx = np.moveaxis(self.matrix, 2, 0) * slope
         for layer, y in zip(self._layers, outputs[1:], strict=True):
             dx = layer.push(dx, y)
-        return outputs[-1] * self._gain + self._offset, dx * self._gain
+        return outputs[-1] * self.gain + self.offset, dx * self.gain
 
     @property
     def pointwise(self) -> bool:
@@ -157,22 +151,22 @@ class Decoder:
 
     def pointwise_slope(self, q: FloatArray) -> FloatArray:
         """Derivative (n, 9) of features q (n, 9) with respect to the affine part's output."""
-        x = (q - self._offset) / self._gain
-        return (1.0 - x * x) * self._gain
-
-    def pull_back_affine(self, g: NDArray) -> FloatArray:
-        """Gradients (m, K) of gradients g (m, 9n) with respect to the affine part's output."""
-        flat = self._single.reshape(-1, self.components)
-        return (g @ flat).astype(np.float64)
+        x = (q - self.offset) / self.gain
+        return (1.0 - x * x) * self.gain
 
     def pull_back(self, z: FloatArray, g: FloatArray) -> FloatArray:
         """Gradients (m, K) with respect to z of gradients g (m, n, 9) with respect to features."""
         outputs = self._activations(z)
-        g = g * self._gain
+        g = g * self.gain
         for layer, x, y in zip(self._layers[::-1], outputs[-2::-1], outputs[:0:-1], strict=True):
             g = layer.pull(g, y, len(x))
         g = g * (1.0 - outputs[0] ** 2)
-        return g.reshape(len(g), self.matrix.shape[0]) @ self.matrix
+        total = np.zeros((len(g), self.components))
+        for start in range(0, len(self.matrix), _ROWS):
+            part = self.matrix[start : start + _ROWS].astype(np.float64)
+            size = part.shape[0] * part.shape[1]
+            total += g[:, start : start + _ROWS].reshape(len(g), size) @ part.reshape(size, -1)
+        return total
 
 
 def _arrays(conv: GraphConv) -> tuple[FloatArray, FloatArray, FloatArray]:

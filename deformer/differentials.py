@@ -7,43 +7,30 @@ one pass over the vertices, without a linear solve.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from deformer.features import features_to_gradients
 from deformer.mesh import FloatArray
+from deformer.parallel import over_ranges, scratch
 from deformer.rotations import exp_, right_jacobian_
 
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _positions(q, arms, p):
-    R = np.empty((3, 3))
-    p[:] = 0.0
-    for i in range(len(q)):
-        exp_(q[i, :3], R)
-        s = q[i, 3:]
-        for h in range(len(arms)):
-            a0, a1, a2 = arms[h, i]
-            y0 = s[0] * a0 + s[1] * a1 + s[2] * a2
-            y1 = s[1] * a0 + s[3] * a1 + s[4] * a2
-            y2 = s[2] * a0 + s[4] * a1 + s[5] * a2
-            for d in range(3):
-                p[h, d] += R[d, 0] * y0 + R[d, 1] * y1 + R[d, 2] * y2
+# Place of S_ab among the six stored entries xx xy xz yy yz zz.
+_ENTRY = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _scaled_sensitivities(q, arms, scale, g):
-    """g[3h + d, 9i + m] = scale[i, m] ∂p_h,d / ∂q_i,m in the precision of g."""
+def _sensitivities(q, arms, g):
+    """g[3h + d, 9i + m] = ∂p_h,d / ∂q_i,m."""
     R = np.empty((3, 3))
     J = np.empty((3, 3))
     for i in range(len(q)):
         exp_(q[i, :3], R)
         right_jacobian_(q[i, :3], J)
         s = q[i, 3:]
-        e = scale[i]
-        for a in range(3):
-            for b in range(3):
-                J[a, b] *= e[b]
         for h in range(len(arms)):
             a0, a1, a2 = arms[h, i]
             y0 = s[0] * a0 + s[1] * a1 + s[2] * a2
@@ -58,12 +45,78 @@ def _scaled_sensitivities(q, arms, scale, g):
                 row[0] = c0 * J[0, 0] + c1 * J[1, 0] + c2 * J[2, 0]
                 row[1] = c0 * J[0, 1] + c1 * J[1, 1] + c2 * J[2, 1]
                 row[2] = c0 * J[0, 2] + c1 * J[1, 2] + c2 * J[2, 2]
-                row[3] = e[3] * (x * a0)
-                row[4] = e[4] * (x * a1 + y * a0)
-                row[5] = e[5] * (x * a2 + z * a0)
-                row[6] = e[6] * (y * a1)
-                row[7] = e[7] * (y * a2 + z * a1)
-                row[8] = e[8] * (z * a2)
+                row[3] = x * a0
+                row[4] = x * a1 + y * a0
+                row[5] = x * a2 + z * a0
+                row[6] = y * a1
+                row[7] = y * a2 + z * a1
+                row[8] = z * a2
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _codes_to_positions(start, stop, z, matrix, base, gain, offset, arms, out):
+    n, _, K = matrix.shape
+    H = arms.shape[2]
+    q = np.empty(9)
+    R = np.empty((3, 3))
+    sums = np.empty((3, H))
+    for m in range(start, stop):
+        code = z[m]
+        sums[:] = 0.0
+        for i in range(n):
+            for d in range(9):
+                row = matrix[i, d]
+                total = base[d]
+                for k in range(K):
+                    total += row[k] * code[k]
+                q[d] = gain[d] * math.tanh(total) + offset[d]
+            exp_(q, R)
+            for b in range(3):
+                s0, s1, s2 = q[3 + _ENTRY[0, b]], q[3 + _ENTRY[1, b]], q[3 + _ENTRY[2, b]]
+                arm = arms[i, b]
+                for a in range(3):
+                    t = R[a, 0] * s0 + R[a, 1] * s1 + R[a, 2] * s2
+                    for h in range(H):
+                        sums[a, h] += t * arm[h]
+        for h in range(H):
+            for a in range(3):
+                out[m, h, a] = sums[a, h]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _decoder_tangents(start, stop, q, slope, matrix, out):
+    """out[3 i + b, a K + k] = ∂T_i,ab / ∂z_k."""
+    R = np.empty((3, 3))
+    J = np.empty((3, 3))
+    c = np.empty(9, dtype=np.float32)
+    K = matrix.shape[2]
+    for i in range(start, stop):
+        exp_(q[i, :3], R)
+        right_jacobian_(q[i, :3], J)
+        e, s, M = slope[i], q[i, 3:], matrix[i]
+        M0, M1, M2, M3, M4, M5, M6, M7, M8 = M[0], M[1], M[2], M[3], M[4], M[5], M[6], M[7], M[8]
+        for b in range(3):
+            # Column b of S, and where its entries stand among the six of the stretch.
+            s0, s1, s2 = s[_ENTRY[0, b]], s[_ENTRY[1, b]], s[_ENTRY[2, b]]
+            for a in range(3):
+                x, y, z = R[a, 0], R[a, 1], R[a, 2]
+                c[:] = 0.0
+                for m in range(3):
+                    turned = x * (J[1, m] * s2 - J[2, m] * s1)
+                    turned += y * (J[2, m] * s0 - J[0, m] * s2)
+                    turned += z * (J[0, m] * s1 - J[1, m] * s0)
+                    c[m] = e[m] * turned
+                for d in range(3):
+                    m = 3 + _ENTRY[d, b]
+                    c[m] += e[m] * R[a, d]
+                row = out[3 * i + b, a * K : (a + 1) * K]
+                # In two passes: the compiler checks few pairs of arrays for overlap.
+                c0, c1, c2, c3, c4 = c[0], c[1], c[2], c[3], c[4]
+                for k in range(K):
+                    row[k] = c0 * M0[k] + c1 * M1[k] + c2 * M2[k] + c3 * M3[k] + c4 * M4[k]
+                c0, c1, c2, c3 = c[5], c[6], c[7], c[8]
+                for k in range(K):
+                    row[k] += c0 * M5[k] + c1 * M6[k] + c2 * M7[k] + c3 * M8[k]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -105,23 +158,54 @@ def _tangents(q, dq, dT):
 
 def arm_positions(q: FloatArray, arms: FloatArray) -> FloatArray:
     """Sums Σ_i T_i(q_i) a_h,i (H, 3) for features q (V, 9) and arms (H, V, 3)."""
-    p = np.empty((len(arms), 3))
-    _positions(np.ascontiguousarray(q), arms, p)
-    return p
+    T = features_to_gradients(q).transpose(0, 2, 1).reshape(-1, 3)
+    return arms.reshape(len(arms), len(T)) @ T
+
+
+def codes_to_positions(
+    z: FloatArray,
+    matrix: NDArray,
+    base: FloatArray,
+    gain: FloatArray,
+    offset: FloatArray,
+    arms: FloatArray,
+) -> FloatArray:
+    """`arm_positions` (m, H, 3) of many codes z (m, K): q = gain tanh(M z + base) + offset.
+
+    Args:
+        z: (m, K).
+        matrix: M (n, 9, K), single precision.
+        base, gain, offset: (9,).
+        arms: (H, n, 3).
+    """
+    out = np.empty((len(z), len(arms), 3))
+    by_vertex = np.ascontiguousarray(arms.transpose(1, 2, 0), dtype=np.float32)
+    layer = matrix, base.astype(np.float32), gain, offset
+    over_ranges(_codes_to_positions, len(z), z.astype(np.float32), *layer, by_vertex, out, share=4)
+    return out
 
 
 def arm_sensitivities(q: FloatArray, arms: FloatArray) -> FloatArray:
     """Gradient (H, 3, V, 9) of `arm_positions` with respect to the features q (V, 9)."""
     g = np.empty((3 * len(arms), 9 * len(q)))
-    _scaled_sensitivities(np.ascontiguousarray(q), arms, np.ones((len(q), 9)), g)
+    _sensitivities(np.ascontiguousarray(q), arms, g)
     return g.reshape(len(arms), 3, len(q), 9)
 
 
-def scaled_sensitivities(q: FloatArray, arms: FloatArray, scale: FloatArray) -> NDArray:
-    """Gradient of handle positions times `scale` (V, 9): (3H, 9V), single precision."""
-    g = np.empty((3 * len(arms), 9 * len(q)), dtype=np.float32)
-    _scaled_sensitivities(q, arms, scale, g)
-    return g
+def arm_jacobian(q: FloatArray, slope: FloatArray, matrix: NDArray, arms: NDArray) -> FloatArray:
+    """Derivative (H, 3, K) of Σ_i T_i(z) a_h,i where features are q_i = f(M_i z + base).
+
+    Args:
+        q: (n, 9) features.
+        slope: (n, 9) derivative of f there.
+        matrix: M (n, 9, K), single precision.
+        arms: (H, n, 3), single precision.
+    """
+    n, _, K = matrix.shape
+    tangents = scratch("tangents", (3 * n, 3 * K))
+    over_ranges(_decoder_tangents, n, q, slope, matrix, tangents)
+    J = arms.reshape(len(arms), 3 * n) @ tangents
+    return J.reshape(len(arms), 3, K).astype(np.float64)
 
 
 def gradient_tangents(q: FloatArray, dq: FloatArray) -> FloatArray:

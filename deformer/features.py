@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import sparse
 
 from deformer.cholesky import SparseCholesky
@@ -115,15 +115,12 @@ def _stretches(T, R, s):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _to_gradients(start, stop, scaled, gain, offset, T):
-    """T = exp(r) S from features q = gain scaled + offset, scaled (V,9)."""
+def _to_gradients(start, stop, q, T):
+    """T = exp(r) S from features q (V, 9)."""
     R = np.empty((3, 3))
-    q = np.empty(9)
     for i in range(start, stop):
-        for d in range(9):
-            q[d] = gain[d] * scaled[i, d] + offset[d]
-        exp_(q[:3], R)
-        s = q[3:]
+        exp_(q[i, :3], R)
+        s = q[i, 3:]
         for a in range(3):
             x, y, z = R[a, 0], R[a, 1], R[a, 2]
             T[i, a, 0] = x * s[0] + y * s[1] + z * s[2]
@@ -136,14 +133,9 @@ def features_to_gradients(q: ArrayLike) -> FloatArray:
     features = np.ascontiguousarray(q, dtype=np.float64)
     if features.shape[-1] != 9:
         raise InputError(f"features: expected (..., 9), got {features.shape}")
-    return scaled_to_gradients(features, np.ones(9), np.zeros(9))
-
-
-def scaled_to_gradients(x: NDArray, gain: FloatArray, offset: FloatArray) -> FloatArray:
-    """Deformation gradients (..., 3, 3) of the features gain x + offset; x (..., 9)."""
-    T = np.empty((*x.shape[:-1], 3, 3))
-    flat = x.reshape(-1, 9)
-    over_ranges(_to_gradients, len(flat), flat, gain, offset, T.reshape(-1, 3, 3))
+    T = np.empty((*features.shape[:-1], 3, 3))
+    flat = features.reshape(-1, 9)
+    over_ranges(_to_gradients, len(flat), flat, T.reshape(-1, 3, 3))
     return T
 
 
@@ -186,7 +178,7 @@ class FeatureExtractor:
         gram = self._divergence @ self._divergence.T
         # Constants are in the null space (b sums to zero): a tiny ridge makes it definite.
         ridge = 1e-9 * gram.diagonal().mean() * sparse.eye_array(V)
-        self._gram = SparseCholesky(gram + ridge)
+        self._gram = SparseCholesky(gram + ridge, v)
 
     def gradients(self, vertices: ArrayLike) -> FloatArray:
         """Deformation gradients T (V, 3, 3) from the reference to `vertices` (V, 3).
@@ -266,7 +258,8 @@ class FeatureExtractor:
         ).tocsr()
         gram = A @ A.T
         ridge = 1e-10 * gram.diagonal().mean() * sparse.eye_array(gram.shape[0])
-        dual = SparseCholesky(gram + ridge).solve(misfit[rows].T.reshape(-1, 1))
+        points = np.tile(self.reference.vertices[rows], (3, 1))
+        dual = SparseCholesky(gram + ridge, points).solve(misfit[rows].T.reshape(-1, 1))
         q[vertices, 3:] += (A.T @ dual).reshape(-1, 6)
 
 

@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike
-from threadpoolctl import ThreadpoolController
+from numpy.typing import ArrayLike, NDArray
 
+from deformer.basis import HandleBasis
 from deformer.errors import InputError
-from deformer.features import features_to_gradients
-from deformer.landmarks import Grouping, choose_landmarks
 from deformer.mesh import FloatArray, IntArray
 from deformer.model import DeformationModel
 from deformer.objective import ArmHandles, HandleObjective
-from deformer.relaxation import Relaxation
+from deformer.parallel import one_blas_thread
+from deformer.surface import FIRST_TURNS, FRAME_TURNS, TURNS
 
-# Vertices that stand for all while the latent code is searched.
-_LANDMARKS = 800
 # Cold solves try this many of the training codes (spread over the latent space), descend from the
 # mean and the most promising few, and finish the best ones exactly.
 _CANDIDATES = 32
@@ -32,8 +27,6 @@ _FINISHED = 2
 _FRAME_STEPS = 4
 _FRAME_TOLERANCE = 5e-2
 _SURPRISE = 0.05
-# Rounds of rigid relaxation in a frame; they continue those of the frame before.
-_FRAME_ROUNDS = 1
 
 
 @dataclass(frozen=True)
@@ -82,10 +75,9 @@ class Pose:
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """Unknowns x with the Poisson right-hand side b (V, 3), handle positions p (H, 3), energy."""
+    """Unknowns x with the handle positions p (H, 3) of all vertices, and their energy."""
 
     x: FloatArray
-    b: FloatArray
     p: FloatArray
     energy: float
 
@@ -120,36 +112,16 @@ class HandleSolver:
             raise InputError(f"noise: expected a positive number, got {noise}")
         self.model = model
         self.relaxation = relaxation
-        self._warm_rounds = min(relaxation, _FRAME_ROUNDS)
-        self._decoder = model.decoder
-        self._poisson = model.poisson
-        self._relaxation = Relaxation(model.poisson)
-        factor = model.prior.factor
-        self._objective = HandleObjective(
-            prior=model.prior,
-            factor=factor,
-            centroid=model.poisson.centroid,
-            diagonal=model.reference.bounding_diagonal,
-            noise=noise,
-            rigid=rigid,
-            targets=np.zeros((0, 3)),
-            weights=np.zeros(0),
-        )
+        self.basis = HandleBasis(model)
+        self._surface = self.basis.surface
+        self._objective = HandleObjective.of(model, noise, rigid)
+        factor = self._objective.factor
         white = np.linalg.solve(factor, (model.codes - model.prior.mean).T).T
         self._candidates = _spread(np.asarray(white, dtype=np.float64), _CANDIDATES)
-        marks, labels = choose_landmarks(
-            self._decoder, factor, model.reference.vertices, _LANDMARKS
-        )
-        self._grouping = Grouping(labels, len(marks))
-        self._landmark_decoder = model.decoder_at(marks)
-        self._vertices: IntArray = np.empty(0, dtype=np.int64)
-        self._green_array = np.empty((0, len(labels)))
-        self._landmark_arms = np.empty((0, len(marks), 3))
         self._exact: IntArray = np.empty(0, dtype=np.int64)
-        self._exact_green = np.empty((0, len(labels)))
-        self._green: dict[int, FloatArray] = {}
-        self._arms_by_landmark: dict[int, FloatArray] = {}
         self._state: _State | None = None
+        # The state whose gradients the surface holds.
+        self._decoded: _State | None = None
         self._assign([])
 
     @property
@@ -176,34 +148,7 @@ class HandleSolver:
         Raises:
             InputError: an index out of range, a target that is not finite, lengths that differ.
         """
-        index = np.asarray(vertices)
-        if index.size == 0:
-            index = index.astype(np.int64).reshape(0)
-        goals = np.asarray(targets, dtype=np.float64)
-        if index.size == 0:
-            goals = goals.reshape(-1, 3)
-        V = len(self.model.reference.vertices)
-        if index.ndim != 1 or not np.issubdtype(index.dtype, np.integer):
-            raise InputError(f"vertices: expected (H,) integers, got {index.dtype} {index.shape}")
-        H = len(index)
-        if goals.shape != (H, 3):
-            raise InputError(f"targets: expected ({H}, 3), one a handle, got {goals.shape}")
-        factors = np.ones(H) if weights is None else np.asarray(weights, dtype=np.float64)
-        exact = np.asarray(hard, dtype=bool)
-        if exact.ndim == 0:
-            exact = np.broadcast_to(exact, (H,))
-        for name, array in (("weights", factors), ("hard", exact)):
-            if array.shape != (H,):
-                raise InputError(f"{name}: expected ({H},), one a handle, got {array.shape}")
-        for h in range(H):
-            if not 0 <= index[h] < V:
-                raise InputError(
-                    f"handle {h}: vertex {index[h]} does not exist; the mesh has 0…{V - 1}"
-                )
-            if not np.isfinite(goals[h]).all():
-                raise InputError(f"handle {h}: target {goals[h].tolist()} is not finite")
-            if not (np.isfinite(factors[h]) and factors[h] > 0):
-                raise InputError(f"handle {h}: weight {factors[h]} is not a positive number")
+        index, goals, factors, exact = check_handles(self.model, vertices, targets, weights, hard)
         self._assign(
             [
                 Handle(int(v), (float(t[0]), float(t[1]), float(t[2])), float(w), bool(e))
@@ -219,15 +164,15 @@ class HandleSolver:
                 are tried, and the result does not depend on what was solved before.
         """
         begun = time.perf_counter()
-        with _one_blas_thread():
+        with one_blas_thread():
             if warm and self._state is not None:
                 state, steps = self._follow(self._state)
-                rounds = self._warm_rounds
+                vertices = self._show(state)
             else:
-                self._relaxation.reset()
+                self._surface.reset()
                 state, steps = self._search()
-                rounds = self.relaxation
-            pose = self._pose(state, steps, rounds)
+                vertices = self._show_afresh(state)
+            pose = self._pose(state, steps, vertices)
         self._state = state
         return replace(pose, milliseconds=1000.0 * (time.perf_counter() - begun))
 
@@ -281,7 +226,7 @@ class HandleSolver:
         """Take over the handles; Green rows of vertices that stay are kept."""
         self._handles = handles
         vertices = sorted({handle.vertex for handle in handles})
-        if vertices != self._vertices.tolist():
+        if vertices != self.basis.vertices.tolist():
             self._take_vertices(vertices)
         place = {v: n for n, v in enumerate(vertices)}
         weights = np.zeros(len(vertices))
@@ -294,41 +239,26 @@ class HandleSolver:
             self._hard[n] |= handle.hard
         if vertices:
             self._targets /= weights[:, None]
-        exact = self._vertices[self._hard]
+        exact = self.basis.vertices[self._hard]
         if exact.tolist() != self._exact.tolist():
             self._exact = exact
-            self._exact_green = self._green_array[self._hard]
+            self._surface.take_exact(exact, self.basis.green)
+            if len(exact) == 0:
+                self._surface.reset()
+                self._decoded = None
         self._objective = replace(self._objective, targets=self._targets, weights=weights)
 
     def _take_vertices(self, vertices: list[int]) -> None:
         """Green rows and landmark arms of the handle vertices; what is there already is kept."""
-        new = [v for v in vertices if v not in self._green]
-        if new:
-            for vertex, row in zip(new, self._poisson.green_rows(new), strict=True):
-                arms = self._grouping.arms(self._poisson.arms(row[None]))
-                self._green[vertex], self._arms_by_landmark[vertex] = row, arms[0]
-        for gone in set(self._green) - set(vertices):
-            del self._green[gone], self._arms_by_landmark[gone]
-        self._vertices = np.array(vertices, dtype=np.int64)
-        V, S = len(self.model.reference.vertices), self._grouping.count
-        self._green_array = np.array([self._green[v] for v in vertices]).reshape(-1, V)
-        self._landmark_arms = np.array([self._arms_by_landmark[v] for v in vertices]).reshape(
-            -1, S, 3
-        )
+        self.basis.take(vertices)
         if self._state is not None:
-            self._state = replace(self._state, p=self._green_array @ self._state.b)
+            p = self._surface.decode(self._objective.code(self._state.x))
+            self._state = self._decoded = replace(self._state, p=p)
 
-    def _arms(self) -> FloatArray:
-        """Arms (H, V, 3) of the handles over all vertices."""
-        return self._poisson.arms(self._green_array)
-
-    def _evaluate(self, x: FloatArray, fast: bool = True) -> _State:
-        z = self._objective.code(x)
-        decoder = self._decoder
-        T = decoder.fast_gradients(z) if fast else features_to_gradients(decoder.features(z))
-        b = self._poisson.rhs(T)
-        p = self._green_array @ b
-        return _State(x, b, p, self._objective.energy(x, p))
+    def _evaluate(self, x: FloatArray) -> _State:
+        p = self._surface.decode(self._objective.code(x))
+        self._decoded = _State(x, p, self._objective.energy(x, p))
+        return self._decoded
 
     def _follow(self, state: _State) -> tuple[_State, int]:
         """One frame from the last solution: descend by landmarks, then look at all vertices."""
@@ -347,16 +277,13 @@ class HandleSolver:
         self, state: _State, limit: int, tolerance: float = 1e-5
     ) -> tuple[FloatArray, float, int]:
         """Descend from a state with handle positions by landmarks, exact at the state."""
-        objective, handles = self._objective, self._by_landmarks()
+        objective, handles = self._objective, self.basis.by_landmarks()
         here = handles.pinned_at(objective.code(state.x), state.p)
         return objective.descend(handles, state.x, limit, tolerance, here)
 
-    def _by_landmarks(self) -> ArmHandles:
-        return ArmHandles(self._landmark_decoder, self._landmark_arms, fast=True)
-
     def _search(self) -> tuple[_State, int]:
         """Several starts by landmarks; the two best are finished with all vertices."""
-        objective, handles = self._objective, self._by_landmarks()
+        objective, handles = self._objective, self.basis.by_landmarks()
         starts = self._starts(handles)
         coarse = [objective.descend(handles, x, 40) for x in starts]
         coarse.sort(key=lambda entry: entry[1])
@@ -371,9 +298,8 @@ class HandleSolver:
                 if found.energy >= state.energy * (1.0 - 1e-3):
                     break
                 state = found
-            exact = ArmHandles(self._decoder, self._arms(), fast=True)
-            x, _, more = objective.descend(exact, state.x, 10, 1e-4)
-            finished.append(self._evaluate(x, fast=False))
+            x, _, more = objective.descend(self.basis.by_all(), state.x, 10, 1e-4)
+            finished.append(self._evaluate(x))
             steps += more
         return min(finished, key=lambda state: state.energy), steps
 
@@ -381,7 +307,7 @@ class HandleSolver:
         """The prior's mean and the training codes that fit the handles best, rigidly placed."""
         objective = self._objective
         zero = np.zeros(objective.size)
-        if len(self._vertices) == 0:
+        if len(self.basis.vertices) == 0:
             return [zero]
         scored = []
         for y in np.vstack([np.zeros((1, objective.size - 6)), self._candidates]):
@@ -392,26 +318,46 @@ class HandleSolver:
         others = sorted(scored[1:], key=lambda entry: entry[0])[:_STARTS]
         return [scored[0][1], *(x for _, x in others)]
 
-    def _pose(self, state: _State, steps: int, rounds: int) -> Pose:
+    def _show(self, state: _State) -> FloatArray:
+        """Positions (V, 3) of a state, exact handles by the rotations of the frame before."""
+        vertices = self._solve(state)
+        if self._hard.any() and self.relaxation:
+            self._surface.relax(FRAME_TURNS)
+        return vertices
+
+    def _show_afresh(self, state: _State) -> FloatArray:
+        """Positions (V, 3) of a state, exact handles by rounds of rigid relaxation."""
+        vertices = self._solve(state)
+        for n in range(self.relaxation if self._hard.any() else 0):
+            self._surface.relax(TURNS if n else FIRST_TURNS)
+            vertices = self._solve(state)
+        return vertices
+
+    def _solve(self, state: _State) -> FloatArray:
+        """Positions (V, 3) by the surface's gradients, with the exact handles met."""
+        objective, surface = self._objective, self._surface
+        if self._decoded is not state:
+            self._decoded = state
+            surface.decode(objective.code(state.x))
+        surface.solve()
+        goals = self._targets[self._hard]
+        # In the frame of the model: the rigid motion is taken off the targets.
+        surface.meet(objective.move_back(state.x, goals))
+        vertices = surface.positions(*objective.motion(state.x))
+        # What rounding leaves is set, so that exact means exact.
+        vertices[self._exact] = goals
+        return vertices
+
+    def _pose(self, state: _State, steps: int, vertices: FloatArray) -> Pose:
         objective = self._objective
-        if self._hard.any():
-            # In the frame of the model: the rigid motion is taken off the targets.
-            goals = self._targets[self._hard]
-            back = objective.move_back(state.x, goals)
-            p = self._relaxation.solve(state.b, self._exact_green, self._exact, back, rounds)
-            p = objective.move(state.x, p)
-            p[self._exact] = goals
-        else:
-            p = self._poisson.solve_rhs(state.b) - self._poisson.centroid
-            p = objective.move(state.x, p)
         asked = np.array([handle.target for handle in self._handles]).reshape(-1, 3)
         index = np.array([handle.vertex for handle in self._handles], dtype=np.int64)
         return Pose(
-            vertices=p,
+            vertices=vertices,
             z=objective.code(state.x),
             rotation=state.x[-6:-3].copy(),
             translation=objective.diagonal * state.x[-3:],
-            residual=np.linalg.norm(p[index] - asked, axis=1),
+            residual=np.linalg.norm(vertices[index] - asked, axis=1),
             iterations=steps,
             milliseconds=0.0,
             prior_distance=float(np.linalg.norm(state.x[:-6])),
@@ -419,16 +365,47 @@ class HandleSolver:
         )
 
 
-@contextmanager
-def _one_blas_thread() -> Iterator[None]:
-    """The matrices of a solve are small: more BLAS threads only wait for each other."""
-    with _blas().limit(limits=1, user_api="blas"):
-        yield
+def check_handles(
+    model: DeformationModel,
+    vertices: ArrayLike,
+    targets: ArrayLike,
+    weights: ArrayLike | None,
+    hard: ArrayLike,
+) -> tuple[IntArray, FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Handles as arrays: vertices (H,), targets (H, 3), weights (H,), hard (H,).
 
-
-@cache
-def _blas() -> ThreadpoolController:
-    return ThreadpoolController()
+    Raises:
+        InputError: an index out of range, a target that is not finite, lengths that differ.
+    """
+    index = np.asarray(vertices)
+    if index.size == 0:
+        index = index.astype(np.int64).reshape(0)
+    goals = np.asarray(targets, dtype=np.float64)
+    if index.size == 0:
+        goals = goals.reshape(-1, 3)
+    V = len(model.reference.vertices)
+    if index.ndim != 1 or not np.issubdtype(index.dtype, np.integer):
+        raise InputError(f"vertices: expected (H,) integers, got {index.dtype} {index.shape}")
+    H = len(index)
+    if goals.shape != (H, 3):
+        raise InputError(f"targets: expected ({H}, 3), one a handle, got {goals.shape}")
+    factors = np.ones(H) if weights is None else np.asarray(weights, dtype=np.float64)
+    exact = np.asarray(hard, dtype=bool)
+    if exact.ndim == 0:
+        exact = np.broadcast_to(exact, (H,))
+    for name, array in (("weights", factors), ("hard", exact)):
+        if array.shape != (H,):
+            raise InputError(f"{name}: expected ({H},), one a handle, got {array.shape}")
+    for h in range(H):
+        if not 0 <= index[h] < V:
+            raise InputError(
+                f"handle {h}: vertex {index[h]} does not exist; the mesh has 0…{V - 1}"
+            )
+        if not np.isfinite(goals[h]).all():
+            raise InputError(f"handle {h}: target {goals[h].tolist()} is not finite")
+        if not (np.isfinite(factors[h]) and factors[h] > 0):
+            raise InputError(f"handle {h}: weight {factors[h]} is not a positive number")
+    return index, goals, factors, exact
 
 
 def _spread(points: FloatArray, count: int) -> FloatArray:

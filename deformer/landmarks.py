@@ -9,12 +9,38 @@ leaves out is measured exactly at the current code and carried along as an offse
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from scipy import sparse
 
 from deformer.decoder import Decoder
 from deformer.mesh import FloatArray, IntArray
 
 _SKETCH = 12
+_POOL = 20_000
+
+
+@njit(cache=True, fastmath=True)
+def _farthest(points, count):
+    """Indices (count,) of farthest points from the first one on, and the nearest of them (n,)."""
+    n, width = points.shape
+    nearest = np.full(n, np.inf, dtype=np.float32)
+    labels = np.zeros(n, dtype=np.int64)
+    chosen = np.zeros(count, dtype=np.int64)
+    for c in range(count):
+        mark = points[chosen[c]]
+        farthest = 0
+        for i in range(n):
+            distance = np.float32(0.0)
+            for d in range(width):
+                distance += (points[i, d] - mark[d]) ** 2
+            if distance < nearest[i]:
+                nearest[i] = distance
+                labels[i] = c
+            if nearest[i] > nearest[farthest]:
+                farthest = i
+        if c + 1 < count:
+            chosen[c + 1] = farthest
+    return chosen, labels
 
 
 def choose_landmarks(
@@ -36,30 +62,19 @@ def choose_landmarks(
     if count >= V:
         return np.arange(V), np.arange(V)
     rng = np.random.default_rng(seed)
-    responses = decoder.matrix @ factor
-    probes = rng.normal(size=(responses.shape[1], 4))
-    sketch = (responses @ probes).reshape(V, -1)
+    probes = factor @ rng.normal(size=(len(factor), 4))
+    sketch = (decoder.matrix @ probes.astype(np.float32)).reshape(V, -1)
     sketch = sketch @ rng.normal(size=(sketch.shape[1], _SKETCH)) / _SKETCH**0.5
     sketch /= sketch.std() or 1.0
     spread = positions - positions.mean(axis=0)
     description = np.hstack([sketch, spread / (spread.std() or 1.0)]).astype(np.float32)
-    chosen = np.empty(count, dtype=np.int64)
-    chosen[0] = 0
-    nearest = np.full(V, np.inf, dtype=np.float32)
-    labels = np.zeros(V, dtype=np.int64)
-    # Farthest points over a subset keep the choice linear in V for large meshes.
-    pool = np.arange(V) if V <= 20_000 else rng.choice(V, 20_000, replace=False)
-    for n in range(count):
-        if n:
-            chosen[n] = pool[nearest[pool].argmax()]
-        rows = pool if len(pool) < V else slice(None)
-        distance = ((description[rows] - description[chosen[n]]) ** 2).sum(axis=1)
-        closer = distance < nearest[rows]
-        where = pool[closer]
-        nearest[where] = distance[closer]
-        labels[where] = n
+    # Farthest points of a part keep the choice linear in V for large meshes.
+    pool = np.arange(V) if V <= _POOL else np.sort(rng.choice(V, _POOL, replace=False))
+    chosen, labels = _farthest(description[pool], count)
+    chosen = pool[chosen]
     if len(pool) < V:
         marks = description[chosen]
+        labels = np.empty(V, dtype=np.int64)
         for start in range(0, V, 4096):
             part = description[start : start + 4096]
             cost = (marks**2).sum(axis=1) - 2.0 * part @ marks.T

@@ -105,6 +105,7 @@ def train(
         resume=resume,
         on_progress=on_progress,
     )
+    result.network.prune(settings.pruning)
     codes = encode_features(result.network, x)
     summary = {
         "shapes": len(shapes),

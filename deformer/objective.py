@@ -13,12 +13,14 @@ import numpy as np
 
 from deformer.decoder import Decoder
 from deformer.differentials import (
+    arm_jacobian,
     arm_positions,
     arm_sensitivities,
-    scaled_sensitivities,
+    codes_to_positions,
 )
 from deformer.latent import LatentPrior
 from deformer.mesh import FloatArray
+from deformer.model import DeformationModel
 from deformer.rotations import log_to_rotation, right_jacobian
 
 # Prior standard deviations of the rigid motion: radians, and bounding diagonals.
@@ -57,11 +59,20 @@ class ArmHandles:
         """Begin without an offset."""
         self.decoder, self.arms = decoder, arms
         self.fast = fast
+        self.single_arms = arms.astype(np.float32)
         self.offset = np.zeros((len(arms), 3))
 
     def at(self, z: FloatArray) -> ArmEvaluation:
         """Positions, and their derivative if it is asked for."""
         return ArmEvaluation(self, z)
+
+    def positions_of(self, z: FloatArray) -> FloatArray:
+        """Positions (m, H, 3) of codes (m, K), without the offset."""
+        decoder = self.decoder
+        if not decoder.pointwise:
+            return np.array([arm_positions(decoder.features(row), self.arms) for row in z])
+        layer = decoder.matrix, decoder.base, decoder.gain, decoder.offset
+        return codes_to_positions(z, *layer, self.arms)
 
     def pinned_at(self, z: FloatArray, p: FloatArray) -> ArmEvaluation:
         """Choose the offset so that the positions at z are p (H, 3); the evaluation there."""
@@ -85,11 +96,10 @@ class ArmEvaluation:
         """Derivative (H, 3, K) of the positions with respect to the code."""
         decoder, arms = self._handles.decoder, self._handles.arms
         if self._handles.fast and decoder.pointwise:
-            scale = decoder.pointwise_slope(self._q)
-            J = decoder.pull_back_affine(scaled_sensitivities(self._q, arms, scale))
-        else:
-            g = arm_sensitivities(self._q, arms)
-            J = decoder.pull_back(self._z, g.reshape(-1, *g.shape[2:]))
+            slope = decoder.pointwise_slope(self._q)
+            return arm_jacobian(self._q, slope, decoder.matrix, self._handles.single_arms)
+        g = arm_sensitivities(self._q, arms)
+        J = decoder.pull_back(self._z, g.reshape(-1, *g.shape[2:]))
         return J.reshape(len(arms), 3, len(self._z))
 
 
@@ -117,6 +127,20 @@ class HandleObjective:
     targets: FloatArray
     weights: FloatArray
 
+    @classmethod
+    def of(cls, model: DeformationModel, noise: float, rigid: bool) -> HandleObjective:
+        """For a model, without handles."""
+        return cls(
+            prior=model.prior,
+            factor=model.prior.factor,
+            centroid=model.poisson.centroid,
+            diagonal=model.reference.bounding_diagonal,
+            noise=noise,
+            rigid=rigid,
+            targets=np.zeros((0, 3)),
+            weights=np.zeros(0),
+        )
+
     @property
     def size(self) -> int:
         """Number of unknowns, K + 6."""
@@ -126,18 +150,24 @@ class HandleObjective:
         """Latent code z (K,) of the unknowns."""
         return self.prior.mean + self.factor @ x[:-6]
 
+    def motion(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rigid motion of points given relative to the centroid: rotation (3, 3), origin (3,)."""
+        return log_to_rotation(x[-6:-3]), self.centroid + self.diagonal * x[-3:]
+
     def move(self, x: FloatArray, p: FloatArray) -> FloatArray:
         """Rigid motion of points (n, 3) given relative to the centroid."""
-        return p @ log_to_rotation(x[-6:-3]).T + self.centroid + self.diagonal * x[-3:]
+        Q, place = self.motion(x)
+        return p @ Q.T + place
 
     def move_back(self, x: FloatArray, points: FloatArray) -> FloatArray:
         """Inverse of `move`."""
-        return (points - self.centroid - self.diagonal * x[-3:]) @ log_to_rotation(x[-6:-3])
+        Q, place = self.motion(x)
+        return (points - place) @ Q
 
     def energy(self, x: FloatArray, p: FloatArray) -> float:
         """Value at x with handle positions p (H, 3) relative to the centroid."""
         misfit = self._misfit(x, p)
-        return float((misfit**2).sum() + (self._stiffness() * x**2).sum())
+        return float((misfit**2).sum() + (self.stiffness * x**2).sum())
 
     def placed(self, x: FloatArray, p: FloatArray) -> FloatArray:
         """The unknowns x, translated so that the handles' weighted centroid is the targets'."""
@@ -169,7 +199,7 @@ class HandleObjective:
             x, energy, and the steps taken; it ends after `limit` steps, or when a step gains less
             than `tolerance` of the energy.
         """
-        stiffness = self._stiffness()
+        stiffness = self.stiffness
         active = self.size if self.rigid else self.size - 6
         if here is None:
             here = handles.at(self.code(x))
@@ -201,7 +231,9 @@ class HandleObjective:
                 return x, energy, count + 1
         return x, energy, limit
 
-    def _stiffness(self) -> FloatArray:
+    @property
+    def stiffness(self) -> FloatArray:
+        """Weights (K+6,) of the squared unknowns."""
         stiffness = np.ones(self.size)
         stiffness[-6:-3] = _ROTATION_SCALE**-2
         stiffness[-3:] = _TRANSLATION_SCALE**-2

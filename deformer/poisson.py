@@ -119,12 +119,12 @@ class PoissonSystem:
         self.anchor = 0
         stiffness = self.laplacian.diagonal().mean()
         ground = sparse.coo_array(([stiffness], ([self.anchor], [self.anchor])), shape=(V, V))
-        self._factor = SparseCholesky(self.laplacian + ground)
+        self.factor = SparseCholesky(self.laplacian + ground, v)
         self.centroid = v.mean(axis=0)
 
     def back_substitute(self, b: ArrayLike) -> FloatArray:
         """Solution (V, m) of the grounded system for right-hand sides (V, m), not centred."""
-        return self._factor.solve(np.asarray(b, dtype=np.float64))
+        return self.factor.solve(np.asarray(b, dtype=np.float64))
 
     def rhs(self, T: ArrayLike) -> FloatArray:
         """Right-hand side b (V, 3) of deformation gradients T (V, 3, 3)."""

@@ -16,15 +16,16 @@ ORDER = [
     "errors", "parallel", "mesh",
     "_atomic", "_json_files", "_parsing", "_obj", "_off", "_ply", "_stl", "_glb", "io", "doctor",
     "geodesics", "rotations", "metrics",
-    "rotation_field", "differentials", "cholesky", "features", "poisson",
+    "rotation_field", "dissection", "cholesky", "features", "differentials", "poisson",
     "autoencoder", "decoder", "losses", "training", "latent", "model", "learning",
-    "relaxation", "landmarks", "objective", "handles", "baselines", "evaluation",
+    "lanes", "surface", "landmarks", "objective", "basis", "handles",
+    "frames", "torch_frames", "sequence", "baselines", "evaluation",
 ]  # fmt: skip
 RANK = {name: index for index, name in enumerate(ORDER)}
 
 SCREEN = {"pyvista", "vtk", "vtkmodules", "matplotlib", "deformer_app", "pyvistaqt", "qtpy"}
 SCREEN |= {f"{name}{version}" for name in ("PySide", "PyQt") for version in (2, 5, 6)}
-NUMERICS = {"torch", "scipy", "numba", "igl", "cholespy", "potpourri3d"}
+NUMERICS = {"torch", "scipy", "numba", "igl", "potpourri3d"}
 
 
 def modules(folder):

@@ -36,8 +36,8 @@ def largest(difference):
 
 def test_no_handles_give_the_mean_where_the_reference_is(model):
     pose = HandleSolver(model).solve()
-    # Handle solves decode in single precision.
-    np.testing.assert_allclose(pose.vertices, model.decode(model.latent_mean), atol=1e-6)
+    # Handle solves decode with 16 bits a weight.
+    np.testing.assert_allclose(pose.vertices, model.decode(model.latent_mean), atol=1e-5)
     np.testing.assert_allclose(pose.z, model.latent_mean, atol=1e-9)
     assert pose.residual.shape == (0,)
     assert pose.prior_distance == pytest.approx(0, abs=1e-9)
@@ -153,7 +153,7 @@ def test_the_pose_is_the_decoded_code_moved_rigidly(model):
     pose = solver.solve()
     centre = model.reference.vertices.mean(axis=0)
     moved = (model.decode(pose.z) - centre) @ log_to_rotation(pose.rotation).T
-    np.testing.assert_allclose(pose.vertices, moved + centre + pose.translation, atol=1e-6)
+    np.testing.assert_allclose(pose.vertices, moved + centre + pose.translation, atol=1e-5)
     white = np.linalg.solve(np.linalg.cholesky(model.latent_covariance), pose.z - model.latent_mean)
     assert pose.prior_distance == pytest.approx(np.linalg.norm(white), rel=1e-6)
 
@@ -191,7 +191,7 @@ def test_hard_handles_turned_by_an_angle_turn_the_pose(model, diagonal, angle):
     R = log_to_rotation(angle * np.array([0.0, 0.6, 0.8]))
     solver = HandleSolver(model)
     solver.set_handles(SPREAD, shape[SPREAD] @ R.T + [1, 2, 3], hard=True)
-    assert largest(solver.solve().vertices - (shape @ R.T + [1, 2, 3])) < 0.01 * diagonal
+    assert largest(solver.solve().vertices - (shape @ R.T + [1, 2, 3])) < 0.015 * diagonal
 
 
 def test_without_rigid_motion_the_shape_stays(model, diagonal):
@@ -202,7 +202,7 @@ def test_without_rigid_motion_the_shape_stays(model, diagonal):
     solver.set_handles(SPREAD, shape[SPREAD] + [10.0, 0, 0])
     pose = solver.solve()
     np.testing.assert_allclose(
-        pose.vertices.mean(axis=0), model.reference.vertices.mean(axis=0), atol=1e-9
+        pose.vertices.mean(axis=0), model.reference.vertices.mean(axis=0), atol=1e-6
     )
     assert not pose.rotation.any() and not pose.translation.any()
 
@@ -339,7 +339,7 @@ def test_a_mesh_of_more_vertices_than_are_searched(hard):
     solver = HandleSolver(model)
     solver.set_handles(handles, shape[handles], hard=hard)
     pose = solver.solve()
-    assert largest(pose.vertices - shape) < 0.01 * diagonal
+    assert largest(pose.vertices - shape) < 0.015 * diagonal
     if not hard:
         # The energy is the one of all vertices: what is left at the handles, and the prior.
         solver = HandleSolver(model, rigid=False, noise=0.01)
@@ -354,7 +354,7 @@ def test_a_mesh_of_more_vertices_than_are_searched(hard):
         dragged = solver.drag(handles[-1], (1 - s) * shape[handles[-1]] + s * goal)
     cold = solver.solve()
     assert dragged.energy == pytest.approx(cold.energy, rel=0.05, abs=0.05)
-    assert largest(dragged.vertices - cold.vertices) < 0.02 * diagonal
+    assert largest(dragged.vertices - cold.vertices) < 0.025 * diagonal
 
 
 def test_dragging_to_the_same_place_stays(model, diagonal):
@@ -376,7 +376,7 @@ def test_the_energy_is_that_of_its_formula_and_not_above_the_start(model, diagon
     solver.set_handles(SPREAD, targets, weights=weights)
     pose = solver.solve()
     misfit = (weights * pose.residual**2).sum() / (0.01 * diagonal) ** 2
-    assert pose.energy == pytest.approx(misfit + pose.prior_distance**2, rel=1e-9)
+    assert pose.energy == pytest.approx(misfit + pose.prior_distance**2, rel=1e-5)
 
     def energy(z):
         p = model.decode(z)[SPREAD]
@@ -384,7 +384,7 @@ def test_the_energy_is_that_of_its_formula_and_not_above_the_start(model, diagon
         prior = away @ np.linalg.solve(model.latent_covariance, away)
         return (weights * ((p - targets) ** 2).sum(1)).sum() / (0.01 * diagonal) ** 2 + prior
 
-    assert energy(pose.z) == pytest.approx(pose.energy, rel=1e-6)
+    assert energy(pose.z) == pytest.approx(pose.energy, rel=1e-5)
     for start in (model.latent_mean, *model.codes):
         assert pose.energy <= energy(start) * (1 + 1e-9)
     # A minimum: no code near it is better.

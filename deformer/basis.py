@@ -1,0 +1,80 @@
+"""What a model's handles stand on: Green rows, arms, landmarks, and the surface of a frame.
+
+All is made once a model, or once a handle vertex; nothing depends on targets.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deformer.landmarks import Grouping, choose_landmarks
+from deformer.mesh import FloatArray, IntArray
+from deformer.model import DeformationModel
+from deformer.objective import ArmHandles
+from deformer.surface import Surface
+
+# Vertices that stand for all while the latent code is searched.
+_LANDMARKS = 800
+
+
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    """What a handle's vertex keeps: Green row (V,), arms by landmark (S, 3), arms by block."""
+
+    green: FloatArray
+    landmark_arms: FloatArray
+    blocked_arms: NDArray
+
+
+class HandleBasis:
+    """Handle vertices of a model, and their positions as functions of the latent code.
+
+    Args:
+        model: the prior.
+    """
+
+    def __init__(self, model: DeformationModel) -> None:
+        """Factor the Laplacian, choose landmarks; there are no handles yet."""
+        self.model = model
+        self.surface = Surface(model.decoder, model.poisson)
+        marks, labels = choose_landmarks(
+            model.decoder, model.prior.factor, model.reference.vertices, _LANDMARKS
+        )
+        self._grouping = Grouping(labels, len(marks))
+        self._landmark_decoder = model.decoder_at(marks)
+        self._kept: dict[int, _Kept] = {}
+        self.vertices: IntArray = np.empty(0, dtype=np.int64)
+        self._landmark_arms = np.empty((0, len(marks), 3))
+
+    def take(self, vertices: list[int]) -> None:
+        """Make `vertices` (H,), all different, the handles; what is kept of them is used again."""
+        poisson = self.model.poisson
+        new = [v for v in vertices if v not in self._kept]
+        for vertex, row in zip(new, poisson.green_rows(new), strict=True):
+            arms = poisson.arms(row[None])
+            by_landmark = self._grouping.arms(arms)[0]
+            self._kept[vertex] = _Kept(row, by_landmark, self.surface.block_arms(arms[0]))
+        for gone in set(self._kept) - set(vertices):
+            del self._kept[gone]
+        self.vertices = np.array(vertices, dtype=np.int64)
+        kept = [self._kept[v] for v in vertices]
+        by_landmark = np.array([entry.landmark_arms for entry in kept])
+        self._landmark_arms = by_landmark.reshape(len(kept), self._grouping.count, 3)
+        self.surface.take_handles([entry.blocked_arms for entry in kept])
+
+    def green(self, vertices: IntArray) -> FloatArray:
+        """Green rows (n, V) of handle vertices (n,)."""
+        rows = [self._kept[v].green for v in vertices.tolist()]
+        return np.array(rows).reshape(len(rows), len(self.model.reference.vertices))
+
+    def by_landmarks(self) -> ArmHandles:
+        """Positions of the handles by landmarks: fast, and off by what is measured as an offset."""
+        return ArmHandles(self._landmark_decoder, self._landmark_arms, fast=True)
+
+    def by_all(self) -> ArmHandles:
+        """Positions of the handles by all vertices."""
+        arms = self.model.poisson.arms(self.green(self.vertices))
+        return ArmHandles(self.model.decoder, arms, fast=True)

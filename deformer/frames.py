@@ -1,0 +1,130 @@
+"""Many frames of one model at once: handle positions, their derivatives, and shapes."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deformer.basis import HandleBasis
+from deformer.mesh import FloatArray
+from deformer.parallel import each
+from deformer.surface import FIRST_TURNS, TURNS, solve_all
+
+# Frames of a core that are solved for with one pass over the factor.
+_TOGETHER = 4
+
+Boolean = NDArray[np.bool_]
+
+
+class Frames(Protocol):
+    """What a sequence needs of the model, for m codes (m, K) at once."""
+
+    def by_landmarks(self, z: FloatArray) -> FloatArray:
+        """Handle positions (m, H, 3) by landmarks, relative to the shape's centroid."""
+        ...
+
+    def jacobians(self, z: FloatArray) -> FloatArray:
+        """Their derivatives (m, H, 3, K)."""
+        ...
+
+    def by_all(self, z: FloatArray) -> FloatArray:
+        """Handle positions (m, H, 3) by all vertices."""
+        ...
+
+    def shapes(
+        self,
+        z: FloatArray,
+        Q: FloatArray,
+        origin: FloatArray,
+        goals: FloatArray,
+        held: Boolean,
+        rounds: int,
+        out: FloatArray,
+    ) -> None:
+        """Shapes of codes, turned by Q (m, 3, 3) and moved to origins (m, 3), into out (m, V, 3).
+
+        Where held (m, H) is set the handle meets its goal (m, H, 3), and `rounds` of rigid
+        relaxation follow.
+        """
+        ...
+
+
+class NumbaFrames:
+    """`Frames` on all cores, every core with frames of its own.
+
+    Args:
+        basis: with its handles taken.
+    """
+
+    def __init__(self, basis: HandleBasis) -> None:
+        """Take over the handles."""
+        self._basis = basis
+        self._handles = basis.by_landmarks()
+        self._count = len(basis.vertices)
+
+    def by_landmarks(self, z: FloatArray) -> FloatArray:
+        """Handle positions (m, H, 3) by landmarks, relative to the shape's centroid."""
+        return self._handles.positions_of(z)
+
+    def jacobians(self, z: FloatArray) -> FloatArray:
+        """Their derivatives (m, H, 3, K)."""
+        out = np.empty((len(z), self._count, 3, z.shape[1]))
+
+        def some(part: range) -> None:
+            for m in part:
+                out[m] = self._handles.at(z[m]).derivative()
+
+        each(some, len(z))
+        return out
+
+    def by_all(self, z: FloatArray) -> FloatArray:
+        """Handle positions (m, H, 3) by all vertices."""
+        out = np.empty((len(z), self._count, 3))
+
+        def some(part: range) -> None:
+            surface = self._basis.surface.twin()
+            for m in part:
+                out[m] = surface.decode(z[m])
+
+        each(some, len(z))
+        return out
+
+    def shapes(
+        self,
+        z: FloatArray,
+        Q: FloatArray,
+        origin: FloatArray,
+        goals: FloatArray,
+        held: Boolean,
+        rounds: int,
+        out: FloatArray,
+    ) -> None:
+        """Shapes of codes, moved, with the held handles at their goals."""
+        vertices, basis = self._basis.vertices, self._basis
+
+        def some(part: range) -> None:
+            surfaces = [basis.surface.twin() for _ in range(min(_TOGETHER, len(part)))]
+            for surface in surfaces:
+                surface.take_handles([])
+            for start in range(part.start, part.stop, _TOGETHER):
+                frames = range(start, min(start + _TOGETHER, part.stop))
+                used = surfaces[: len(frames)]
+                back = [(goals[m, held[m]] - origin[m]) @ Q[m] for m in frames]
+                for m, surface in zip(frames, used, strict=True):
+                    surface.take_exact(vertices[held[m]], basis.green)
+                    surface.reset()
+                    surface.decode(z[m])
+                solve_all(used)
+                for n in range(rounds if held[frames.start : frames.stop].any() else 0):
+                    for surface, targets in zip(used, back, strict=True):
+                        surface.meet(targets)
+                        surface.relax(TURNS if n else FIRST_TURNS)
+                    solve_all(used)
+                for m, surface, targets in zip(frames, used, back, strict=True):
+                    surface.meet(targets)
+                    out[m] = surface.positions(Q[m], origin[m])
+                    out[m, vertices[held[m]]] = goals[m, held[m]]
+
+        each(some, len(z))

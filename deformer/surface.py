@@ -1,0 +1,246 @@
+"""From a latent code to all vertices within a frame.
+
+Single precision; vertices stand in the order of the Laplacian's elimination, so that neighbours
+are near in memory and nothing is permuted between decoding and solving. The decoder's matrix is
+kept by blocks of 16 vertices, 16 bit a number, without the components that do not reach a block.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from deformer.decoder import Decoder
+from deformer.lanes import LANES, decode_and_emit, emit, local, move, place, rhs
+from deformer.mesh import FloatArray, IntArray
+from deformer.parallel import CORES, begin, finish, over_ranges, ranges, together
+from deformer.poisson import PoissonSystem
+
+# Blocks below which a second thread does not pay.
+_SHARE = 128
+# Fixed-point steps of the local rotation fits: in a frame of a drag, which goes on from the frame
+# before; in the first round from a decoded pose; in its later ones.
+FRAME_TURNS = 1
+FIRST_TURNS = 8
+TURNS = 2
+
+
+def schur_inverse(block: FloatArray) -> FloatArray:
+    """Inverse of [G_hh 1; 1ᵀ 0] (H+1, H+1) for the block G_hh (H, H) of the handles' Green rows.
+
+    [μ; t] = inverse [q − p_h; 0] makes p + Gᵀμ + t the smallest change of p, in the Laplacian's
+    energy, that meets the targets q: the Schur complement of the constrained Poisson system with
+    free translation. Where targets cannot all be met (coincident vertices) it is the nearest.
+    """
+    H = len(block)
+    system = np.ones((H + 1, H + 1))
+    system[:H, :H] = block
+    system[H, H] = 0.0
+    return np.asarray(np.linalg.pinv(system, rcond=1e-13), dtype=np.float64)
+
+
+def _ordered_mesh(system: PoissonSystem) -> tuple[IntArray, NDArray, NDArray]:
+    """Rows and one-rings in the order of elimination, and ½ c_ij (v_i − v_j) of every edge."""
+    order = system.factor.order
+    weights = sparse.csr_array(system.weights[order][:, order])
+    weights.sort_indices()
+    v = system.reference.vertices[order] / system.reference.bounding_diagonal
+    rows = np.repeat(np.arange(len(v)), np.diff(weights.indptr))
+    arms = 0.5 * weights.data[:, None] * (v[rows] - v[weights.indices])
+    return weights.indptr.astype(np.int64), weights.indices.astype(np.int32), arms
+
+
+class Surface:
+    """All vertices of a model: decoded, turned, solved for, and moved onto exact handles.
+
+    The turned gradients T are those of the latent code, each followed by a rotation that a rigid
+    relaxation has found for its vertex; the rotations are kept from frame to frame.
+
+    Args:
+        decoder: of all vertices.
+        system: the Poisson system of the same mesh.
+    """
+
+    def __init__(self, decoder: Decoder, system: PoissonSystem) -> None:
+        """Copy the decoder's matrix and the mesh into the order of elimination."""
+        self._decoder, self._system = decoder, system
+        self._factor = system.factor
+        order = self._factor.order
+        V = len(order)
+        self._blocks = -(-V // LANES)
+        # The last block is filled up with its last vertex.
+        self._padded: IntArray = np.concatenate(
+            [order, np.full(self._blocks * LANES - V, order[-1])]
+        )
+        # Bounding diagonals are the unit of length: single precision has its range, too.
+        self._unit = system.reference.bounding_diagonal
+        self._indptr, self._rings, arms = _ordered_mesh(system)
+        rows = np.repeat(np.arange(V), np.diff(self._indptr))
+        own = [np.bincount(rows, arms[:, d], V) for d in range(3)]
+        self._own = np.column_stack(own).astype(np.float32).ravel()
+        self._mesh_arms = arms.astype(np.float32).ravel()
+        self._pack(decoder)
+        self._T = np.zeros(9 * len(self._padded), dtype=np.float32)
+        self._x = np.zeros((V, 3), dtype=np.float32)
+        self._still = np.repeat(np.array([1, 0, 0, 0], dtype=np.float32), LANES)
+        self._turn = np.tile(self._still, self._blocks)
+        self._relaxing: list[Future[None]] = []
+        self.take_handles([])
+        self._exact: IntArray = np.empty(0, dtype=np.int64)
+        self._green = np.empty((0, V), dtype=np.float32)
+        self._exact_inverse = np.zeros((1, 1))
+
+    def twin(self) -> Surface:
+        """A surface of the same model and handles with gradients and positions of its own."""
+        other = copy.copy(self)
+        other._T, other._x = self._T.copy(), self._x.copy()
+        other._turn = np.tile(self._still, self._blocks)
+        other._relaxing = []
+        return other
+
+    def _pack(self, decoder: Decoder) -> None:
+        """The decoder's matrix by blocks of vertices, 16 bit, without components that are zero."""
+        K = decoder.components
+        self._gain = np.repeat(decoder.gain, LANES).astype(np.float32)
+        self._offset = np.repeat(decoder.offset, LANES).astype(np.float32)
+        if not decoder.pointwise:
+            return
+        self._base = np.repeat(decoder.base, LANES).astype(np.float32)
+        rows, scales, counts, components = [], [], [], []
+        for start in range(0, self._blocks, 64):
+            index = self._padded[start * LANES : (start + 64) * LANES]
+            part = decoder.matrix[index].reshape(-1, LANES, 9, K).transpose(0, 3, 2, 1)
+            part = part.reshape(-1, K, 9 * LANES)
+            largest = np.abs(part).max(axis=2)
+            used = largest > 0
+            scale = largest[used] / 32767.0
+            rows.append(np.rint(part[used] / scale[:, None]).astype(np.int16))
+            scales.append(scale.astype(np.float32))
+            counts.append(used.sum(axis=1))
+            components.append(np.nonzero(used)[1].astype(np.int32))
+        self._matrix, self._scale = np.concatenate(rows), np.concatenate(scales)
+        self._components = np.concatenate(components)
+        self._slices = np.concatenate([[0], np.cumsum(np.concatenate(counts))])
+
+    def block_arms(self, arm: FloatArray) -> NDArray:
+        """Arms (V, 3) of one handle, `PoissonSystem.arms`, as `take_handles` wants them."""
+        blocks = (arm[self._padded] / self._unit).astype(np.float32).reshape(-1, LANES, 3)
+        V = len(self._x)
+        blocks.reshape(-1, 3)[V:] = 0.0
+        return blocks.transpose(0, 2, 1).reshape(self._blocks, 3 * LANES)
+
+    def take_handles(self, blocked: list[NDArray]) -> None:
+        """The handles whose positions `decode` is to tell, by `block_arms`."""
+        empty = np.empty((self._blocks, 0, 3 * LANES), dtype=np.float32)
+        self._arms = np.ascontiguousarray(np.stack(blocked, axis=1) if blocked else empty).ravel()
+        self._handle_count = len(blocked)
+
+    def take_exact(self, vertices: IntArray, green: Callable[[IntArray], FloatArray]) -> None:
+        """The vertices (H,) that `meet` holds; `green` gives their Green rows (H, V)."""
+        if self._exact.tolist() == vertices.tolist():
+            return
+        self._exact = vertices
+        rows = green(vertices)
+        self._green = np.ascontiguousarray(rows[:, self._factor.order], dtype=np.float32)
+        self._exact_inverse = schur_inverse(rows[:, vertices])
+
+    def reset(self) -> None:
+        """Forget the rotations."""
+        self._wait()
+        self._turn = np.tile(self._still, self._blocks)
+
+    def decode(self, z: FloatArray) -> FloatArray:
+        """Turned gradients of a latent code (K,); handle positions (H, 3) without the turning.
+
+        The positions are those of the free reconstruction, relative to its centroid.
+        """
+        self._wait()
+        pieces = ranges(self._blocks, _SHARE)
+        sums = np.zeros((len(pieces), 48 * self._handle_count))
+        frame = self._still, self._turn, self._arms, self._T
+        if self._decoder.pointwise:
+            code = z.astype(np.float32)
+            layer = self._slices, self._components, self._scale, self._matrix
+            layer = *layer, code, self._base, self._gain, self._offset
+            calls = [(*p, layer, frame, s) for p, s in zip(pieces, sums, strict=True)]
+            together(decode_and_emit, calls)
+        else:
+            q = self._decoder.single_features(z)[self._padded].astype(np.float32)
+            q = np.ascontiguousarray(q.reshape(-1, LANES, 9).transpose(0, 2, 1)).reshape(-1, 144)
+            calls = [(a, b, q[a:b], frame, s) for (a, b), s in zip(pieces, sums, strict=True)]
+            together(emit, calls)
+        return self._unit * sums.sum(axis=0).reshape(-1, 3, LANES).sum(axis=2)
+
+    def sum_edges(self) -> None:
+        """Let the positions hold the right-hand side of the turned gradients."""
+        self._wait()
+        mesh = self._indptr, self._rings, self._mesh_arms, self._own
+        over_ranges(rhs, len(self._x), *mesh, self._T, self._x.ravel())
+
+    def solve(self) -> None:
+        """Positions from the turned gradients, up to a translation."""
+        self.sum_edges()
+        self._factor.solve_in_order(self._x)
+
+    def meet(self, targets: FloatArray) -> None:
+        """Move the positions by the smallest change that brings exact handles to targets (H, 3).
+
+        See `schur_inverse`. Without exact handles the centroid goes to the origin.
+        """
+        H = len(self._exact)
+        if H == 0:
+            push, shift = np.zeros((0, 3)), -self._x.mean(axis=0, dtype=np.float64)
+        else:
+            misfit = np.zeros((H + 1, 3))
+            misfit[:H] = targets / self._unit - self._x[self._factor.place[self._exact]]
+            solution = self._exact_inverse @ misfit
+            push, shift = solution[:H], solution[H]
+        change = self._green, push.astype(np.float32), shift.astype(np.float32)
+        over_ranges(move, len(self._x), *change, self._x)
+
+    def positions(self, rotation: FloatArray, origin: FloatArray) -> FloatArray:
+        """Positions (V, 3) in the user's order, turned by `rotation` and moved to `origin`."""
+        out = np.empty((len(self._x), 3))
+        where = self._unit * rotation, origin, self._x, out
+        over_ranges(place, len(out), self._factor.order, *where)
+        return out
+
+    def relax(self, steps: int) -> None:
+        """Local step: turn the gradients so that they fit the positions.
+
+        It goes on after the call returns; whatever needs it waits.
+        """
+        mesh = self._indptr, self._rings, self._mesh_arms
+        rest = *mesh, self._x.ravel(), self._T, self._turn, steps
+        # One core is left to the caller.
+        share = max(_SHARE, -(-self._blocks // max(1, CORES - 1)))
+        self._relaxing = begin(local, [(*piece, *rest) for piece in ranges(self._blocks, share)])
+
+    def _wait(self) -> None:
+        finish(self._relaxing)
+        self._relaxing = []
+
+    @property
+    def bytes_of_a_frame(self) -> int:
+        """Bytes that one frame cannot do without: matrix, arms, mesh, factor, result."""
+        arrays = [self._arms, self._green, self._rings, self._mesh_arms, self._own]
+        arrays += [self._T, self._turn]
+        if self._decoder.pointwise:
+            arrays += [self._matrix, self._scale]
+        out = 8 * 3 * len(self._x)
+        return sum(a.nbytes for a in arrays) + self._factor.bytes_of_a_solve + out
+
+
+def solve_all(surfaces: Sequence[Surface]) -> None:
+    """`Surface.solve` for surfaces of one model, with one pass over the factor."""
+    for surface in surfaces:
+        surface.sum_edges()
+    columns = np.concatenate([surface._x for surface in surfaces], axis=1)
+    surfaces[0]._factor.solve_in_order(columns)
+    for surface, part in zip(surfaces, np.hsplit(columns, len(surfaces)), strict=True):
+        surface._x[:] = part

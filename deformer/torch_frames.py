@@ -1,0 +1,288 @@
+"""`frames.Frames` in torch: all frames of a batch at once, on any of its devices.
+
+The same landmarks, the same arithmetic and the same factor as on the processor's cores; single
+precision. The factor's supernodes are visited one after the other, each for all frames, so a batch
+should be large.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from deformer.basis import HandleBasis
+from deformer.cholesky import SparseCholesky
+from deformer.decoder import Decoder
+from deformer.errors import InputError
+from deformer.features import STRETCH_COLUMNS, STRETCH_ROWS
+from deformer.frames import Boolean
+from deformer.lanes import FURTHER
+from deformer.mesh import FloatArray
+from deformer.surface import FIRST_TURNS, TURNS, schur_inverse
+from deformer.training import resolve_device
+
+# Numbers of a batch: frames times vertices times nine.
+_BATCH = 1 << 27
+
+
+class TorchFrames:
+    """Frames of one model on a torch device.
+
+    Args:
+        basis: with its handles taken.
+        device: of torch; "torch" is its CPU.
+    """
+
+    def __init__(self, basis: HandleBasis, device: str) -> None:
+        """Copy the decoder, the mesh, the factor and the handles."""
+        self._device = resolve_device("cpu" if device == "torch" else device)
+        self._basis = basis
+        model = basis.model
+        V = len(model.reference.vertices)
+        self._unit = model.reference.bounding_diagonal
+        self._all = _Decoder(model.decoder, self._device)
+        handles = basis.by_landmarks()
+        self._landmarks = _Decoder(handles.decoder, self._device)
+        self._landmark_arms = self._tensor(handles.arms)
+        arms = model.poisson.arms(basis.green(basis.vertices))
+        self._arms = self._tensor(arms.reshape(len(arms), 3 * V))
+        system = model.poisson
+        rows = np.repeat(np.arange(V), np.diff(system.indptr))
+        v = model.reference.vertices / self._unit
+        edges = 0.5 * system.c[:, None] * (v[rows] - v[system.rings])
+        self._edges = self._tensor(edges)
+        self._from = torch.as_tensor(rows, device=self._device)
+        self._to = torch.as_tensor(system.rings, device=self._device)
+        self._factor = _Factor(system.factor, self._device)
+
+    def _tensor(self, array: FloatArray) -> Tensor:
+        return torch.as_tensor(array, dtype=torch.float32, device=self._device)
+
+    def _batches(self, count: int, vertices: int, width: int = 9) -> list[slice]:
+        size = max(1, _BATCH // (width * vertices))
+        return [slice(start, start + size) for start in range(0, count, size)]
+
+    def by_landmarks(self, z: FloatArray) -> FloatArray:
+        """Handle positions (m, H, 3) by landmarks, relative to the shape's centroid."""
+        S = self._landmark_arms.shape[1]
+        parts = []
+        for part in self._batches(len(z), S):
+            T = _gradients(self._landmarks(self._tensor(z[part])))
+            parts.append(torch.einsum("msab,hsb->mha", T, self._landmark_arms))
+        return _numpy(torch.cat(parts))
+
+    def jacobians(self, z: FloatArray) -> FloatArray:
+        """Their derivatives (m, H, 3, K)."""
+        arms = self._landmark_arms
+        (H, S, _), K = arms.shape, z.shape[1]
+        out = np.empty((len(z), H, 3, K))
+        for part in self._batches(len(z), S, 27 * max(1, len(arms))):
+            q, slope = self._landmarks.with_slope(self._tensor(z[part]))
+            # ∂T/∂q (m, S, 3, 3, 9) times the slope and the rows of the decoder's matrix.
+            dT = _gradient_derivatives(q) * slope[:, :, None, None]
+            by_arm = torch.einsum("msabc,hsb->mhasc", dT, arms)
+            J = by_arm.reshape(len(q), 3 * H, 9 * S) @ self._landmarks.matrix.reshape(9 * S, K)
+            out[part] = _numpy(J).reshape(len(q), H, 3, K)
+        return out
+
+    def by_all(self, z: FloatArray) -> FloatArray:
+        """Handle positions (m, H, 3) by all vertices."""
+        parts = []
+        for part in self._batches(len(z), self._arms.shape[1] // 3):
+            T = _gradients(self._all(self._tensor(z[part])))
+            columns = T.transpose(2, 3).reshape(len(T), -1, 3)
+            parts.append(self._arms @ columns)
+        return _numpy(torch.cat(parts))
+
+    def shapes(
+        self,
+        z: FloatArray,
+        Q: FloatArray,
+        origin: FloatArray,
+        goals: FloatArray,
+        held: Boolean,
+        rounds: int,
+        out: FloatArray,
+    ) -> None:
+        """Shapes of codes, moved, with the held handles at their goals."""
+        V = out.shape[1]
+        for which in np.unique(held, axis=0) if len(held) else []:
+            frames = np.flatnonzero((held == which).all(axis=1))
+            exact = self._basis.vertices[which]
+            green = self._basis.green(exact)
+            inverse = self._tensor(schur_inverse(green[:, exact]))
+            index = torch.as_tensor(exact, device=self._device)
+            rows = self._tensor(green)
+            for part in self._batches(len(frames), V):
+                f = frames[part]
+                back = (goals[f][:, which] - origin[f][:, None]) @ Q[f] / self._unit
+                targets = self._tensor(back)
+                T = _gradients(self._all(self._tensor(z[f])))
+                p = self._solved(T, index, rows, inverse, targets)
+                for n in range(rounds if which.any() else 0):
+                    T = self._turned(T, p, TURNS if n else FIRST_TURNS)
+                    p = self._solved(T, index, rows, inverse, targets)
+                moved = p @ self._tensor(self._unit * Q[f]).transpose(1, 2)
+                out[f] = _numpy(moved) + origin[f][:, None]
+                out[np.ix_(f, exact)] = goals[f][:, which]
+
+    def _solved(
+        self, T: Tensor, index: Tensor, green: Tensor, inverse: Tensor, targets: Tensor
+    ) -> Tensor:
+        """Positions (m, V, 3) of gradients, the exact handles at their targets."""
+        b = torch.zeros(T.shape[:3], device=T.device)
+        sums = ((T[:, self._from] + T[:, self._to]) @ self._edges[:, :, None])[..., 0]
+        b.index_add_(1, self._from, sums)
+        p = self._factor.solve(b)
+        if len(index) == 0:
+            return p - p.mean(dim=1, keepdim=True)
+        misfit = torch.nn.functional.pad(targets - p[:, index], (0, 0, 0, 1))
+        change = inverse @ misfit
+        return p + green.T @ change[:, :-1] + change[:, -1:]
+
+    def _turned(self, T: Tensor, p: Tensor, steps: int) -> Tensor:
+        """Gradients turned to fit the edges of p: `lanes.local` for all frames."""
+        edges = p[:, self._from] - p[:, self._to]
+        B = torch.zeros_like(T)
+        B.index_add_(1, self._from, edges[..., :, None] * self._edges[:, None, :])
+        A = B @ T.transpose(2, 3)
+        D = torch.zeros((*T.shape[:2], 4), device=T.device)
+        D[..., 0] = 1.0
+        for _ in range(steps):
+            RA = A @ _matrices(D).transpose(2, 3)
+            trace = RA.diagonal(dim1=2, dim2=3).sum(-1)
+            w = torch.stack(
+                [
+                    RA[..., 2, 1] - RA[..., 1, 2],
+                    RA[..., 0, 2] - RA[..., 2, 0],
+                    RA[..., 1, 0] - RA[..., 0, 1],
+                ],
+                -1,
+            )
+            turn = torch.maximum(trace.abs(), w.norm(dim=-1)) + 1e-30
+            half = torch.cat([torch.ones_like(trace)[..., None], 0.5 * w / turn[..., None]], -1)
+            D = torch.nn.functional.normalize(_product(half, D), dim=-1)
+        D = D * torch.tensor([1.0, FURTHER, FURTHER, FURTHER], device=D.device)
+        return _matrices(torch.nn.functional.normalize(D, dim=-1)) @ T
+
+
+class _Decoder:
+    """Features gain tanh(M z + base) + offset of many codes."""
+
+    def __init__(self, decoder: Decoder, device: torch.device) -> None:
+        if not decoder.pointwise:
+            raise InputError(
+                "device: a model of several layers is fitted to sequences on the cpu only"
+            )
+        self.matrix = torch.as_tensor(decoder.matrix, device=device)
+        self._base, self._gain, self._offset = (
+            torch.as_tensor(array, dtype=torch.float32, device=device)
+            for array in (decoder.base, decoder.gain, decoder.offset)
+        )
+
+    def _output(self, z: Tensor) -> Tensor:
+        n, d, K = self.matrix.shape
+        flat = z @ self.matrix.reshape(n * d, K).T
+        return torch.tanh(flat.reshape(len(z), n, d) + self._base)
+
+    def __call__(self, z: Tensor) -> Tensor:
+        """Features (m, n, 9) of codes (m, K)."""
+        return self._output(z) * self._gain + self._offset
+
+    def with_slope(self, z: Tensor) -> tuple[Tensor, Tensor]:
+        """Features, and their derivative (m, n, 9) with respect to M z."""
+        x = self._output(z)
+        return x * self._gain + self._offset, (1.0 - x * x) * self._gain
+
+
+class _Factor:
+    """The blocks of `SparseCholesky`, solved with for many columns."""
+
+    def __init__(self, factor: SparseCholesky, device: torch.device) -> None:
+        self._order, self._place = (
+            torch.as_tensor(array, device=device) for array in (factor.order, factor.place)
+        )
+        self._nodes = [
+            (
+                first,
+                last,
+                torch.as_tensor(rows).long().to(device),
+                torch.as_tensor(block).to(device),
+            )
+            for first, last, rows, block in factor.supernodes()
+        ]
+
+    def solve(self, b: Tensor) -> Tensor:
+        """Solutions (m, V, 3) for right-hand sides (m, V, 3)."""
+        m, V, _ = b.shape
+        x = b.permute(1, 0, 2).reshape(V, 3 * m)[self._order]
+        for first, last, rows, block in self._nodes:
+            if len(rows):
+                x.index_add_(0, rows, block[last - first :] @ x[first:last])
+        for first, last, rows, block in reversed(self._nodes):
+            x[first:last] = block.T @ torch.cat([x[first:last], x[rows]])
+        return x[self._place].reshape(V, m, 3).permute(1, 0, 2)
+
+
+def _numpy(x: Tensor) -> FloatArray:
+    return np.asarray(x.double().cpu().numpy(), dtype=np.float64)
+
+
+def _cross(r: Tensor) -> Tensor:
+    """Matrices (…, 3, 3) with [r]× v = r × v."""
+    x, y, z = r.unbind(-1)
+    zero = torch.zeros_like(x)
+    return torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).unflatten(-1, (3, 3))
+
+
+def _matrices(q: Tensor) -> Tensor:
+    """Rotations (…, 3, 3) of unit quaternions (…, 4)."""
+    w, v = q[..., :1, None], q[..., 1:]
+    cross = _cross(v)
+    return torch.eye(3, device=q.device) + 2.0 * (w * cross + cross @ cross)
+
+
+def _product(a: Tensor, b: Tensor) -> Tensor:
+    """Quaternion product (…, 4)."""
+    w, v, x, u = a[..., :1], a[..., 1:], b[..., :1], b[..., 1:]
+    scalar = w * x - (v * u).sum(-1, keepdim=True)
+    return torch.cat([scalar, w * u + x * v + torch.linalg.cross(v, u)], -1)
+
+
+def _exponential(r: Tensor) -> tuple[Tensor, Tensor]:
+    """Rotations exp(r) and right Jacobians (…, 3, 3) of rotation vectors (…, 3)."""
+    angle = r.norm(dim=-1)[..., None, None]
+    small = angle < 1e-2
+    t = torch.where(small, torch.ones_like(angle), angle)
+    u = angle * angle
+    a = torch.where(small, 1.0 - u / 6.0, t.sin() / t)
+    b = torch.where(small, 0.5 - u / 24.0, 2.0 * (0.5 * t).sin() ** 2 / t**2)
+    c = torch.where(small, 1.0 / 6.0 - u / 120.0, (t - t.sin()) / t**3)
+    cross, eye = _cross(r), torch.eye(3, device=r.device)
+    square = cross @ cross
+    return eye + a * cross + b * square, eye - b * cross + c * square
+
+
+def _stretch(s: Tensor) -> Tensor:
+    """Symmetric matrices (…, 3, 3) of their six entries."""
+    S = s.new_zeros((*s.shape[:-1], 3, 3))
+    S[..., STRETCH_ROWS, STRETCH_COLUMNS] = s
+    S[..., STRETCH_COLUMNS, STRETCH_ROWS] = s
+    return S
+
+
+def _gradients(q: Tensor) -> Tensor:
+    """Deformation gradients T = exp(r) S (…, 3, 3) of features (…, 9)."""
+    return _exponential(q[..., :3])[0] @ _stretch(q[..., 3:])
+
+
+def _gradient_derivatives(q: Tensor) -> Tensor:
+    """∂T/∂q (…, 3, 3, 9) of features (…, 9)."""
+    R, J = _exponential(q[..., :3])
+    S = _stretch(q[..., 3:])
+    # exp(r + δ) = exp(r) exp(J δ): the change of T is R [J δ]× S.
+    turned = R[..., None, :, :] @ _cross(J.transpose(-1, -2)) @ S[..., None, :, :]
+    units = _stretch(torch.eye(6, device=q.device))
+    stretched = R[..., None, :, :] @ units
+    return torch.cat([turned, stretched], -3).movedim(-3, -1)
