@@ -45,8 +45,8 @@ class Frames(Protocol):
     ) -> None:
         """Shapes of codes, turned by Q (m, 3, 3) and moved to origins (m, 3), into out (m, V, 3).
 
-        Where held (m, H) is set the handle meets its goal (m, H, 3), and `rounds` of rigid
-        relaxation follow.
+        Where held (m, H) is set the handle meets its goal (m, H, 3), and the frame goes through
+        `rounds` of rigid relaxation.
         """
         ...
 
@@ -113,15 +113,20 @@ class NumbaFrames:
                 used = surfaces[: len(frames)]
                 back = [(goals[m, held[m]] - origin[m]) @ Q[m] for m in frames]
                 for m, surface in zip(frames, used, strict=True):
-                    surface.take_exact(vertices[held[m]], basis.green)
+                    basis.hold(vertices[held[m]], surface)
                     surface.reset()
                     surface.decode(z[m])
                 solve_all(used)
-                for n in range(rounds if held[frames.start : frames.stop].any() else 0):
-                    for surface, targets in zip(used, back, strict=True):
+                relaxed = [
+                    (surface, targets)
+                    for m, surface, targets in zip(frames, used, back, strict=True)
+                    if held[m].any()
+                ]
+                for n in range(rounds if relaxed else 0):
+                    for surface, targets in relaxed:
                         surface.meet(targets)
                         surface.relax(TURNS if n else FIRST_TURNS)
-                    solve_all(used)
+                    solve_all([surface for surface, _ in relaxed])
                 for m, surface, targets in zip(frames, used, back, strict=True):
                     surface.meet(targets)
                     out[m] = surface.positions(Q[m], origin[m])

@@ -226,7 +226,7 @@ class _Factor:
 
 
 def _numpy(x: Tensor) -> FloatArray:
-    return np.asarray(x.double().cpu().numpy(), dtype=np.float64)
+    return np.asarray(x.cpu().numpy(), dtype=np.float64)
 
 
 def _cross(r: Tensor) -> Tensor:
