@@ -2,8 +2,9 @@
 
 All frames are solved for together: the energy is the sum of the frames' own (see `objective`) and
 of squared accelerations of the unknowns, which takes jitter away and, looking both ways in time,
-adds no lag. Key frames are solved one after the other, the frames between them start from
-interpolation, and a Gauss–Newton step over the whole sequence costs one banded Cholesky.
+adds no lag. A frame in which no handle is seen is bridged: little of the prior pulls at it. Key
+frames are solved one after the other, the frames between them start from interpolation, and a
+Gauss–Newton step over the whole sequence costs one banded Cholesky.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solveh_banded
 
+from deformer.basis import HandleBasis
 from deformer.errors import InputError
 from deformer.frames import Boolean, Frames, NumbaFrames
 from deformer.handles import HandleSolver, check_handles
@@ -24,12 +26,15 @@ from deformer.objective import HandleObjective
 from deformer.parallel import one_blas_thread
 from deformer.rotations import log_to_rotation, right_jacobian
 from deformer.torch_frames import TorchFrames
+from deformer.training import resolve_device
 
 # Every so many frames one is solved on its own, as a start for those around it.
 _KEY = 12
 # Frames solved for together, and frames looked ahead that are solved for again with the next ones.
 _WINDOW = 512
 _AHEAD = 32
+# What is left of the prior in a frame that sees no handle: neighbours say more about it.
+_UNSEEN = 1e-4
 # Every so many frames handle positions are measured by all vertices.
 _MEASURED = 4
 # Most joint steps before and after handle positions are measured, and the relative gains below
@@ -71,7 +76,7 @@ def fit_sequence(
     *,
     weights: ArrayLike | None = None,
     hard: ArrayLike = False,
-    smoothness: float = 1.0,
+    smoothness: float = 10.0,
     rigid: bool = True,
     noise: float = 0.007,
     relaxation: int = 2,
@@ -87,11 +92,13 @@ def fit_sequence(
         weights: (F, H) or (H,) factors; 0 is a handle that is not seen in that frame, whose
             target is not looked at. None is ones.
         hard: one for all, or (H,): meet the targets exactly wherever the weight is not 0.
-        smoothness: weight of squared accelerations; 0 fits every frame on its own.
+        smoothness: weight of squared accelerations, from frame to frame; 0 fits every frame on
+            its own. Motion that is slow for its frame rate bears 100 and more.
         rigid, noise: as in `HandleSolver`.
         relaxation: rounds of rigid relaxation for hard handles, in every frame.
         device: "cpu", for all cores by numba; or where torch computes many frames at once:
-            "cuda", "mps", "auto" (the best there is), "torch" (torch's own CPU kernels).
+            "cuda", "mps", "auto" (cuda or mps if there is one, else cpu), "torch" (torch's own
+            CPU kernels).
         on_progress: called with the frames done and their number.
 
     Raises:
@@ -103,7 +110,7 @@ def fit_sequence(
     solver = HandleSolver(model, rigid=rigid, noise=noise)
     basis = solver.basis
     basis.take(index.tolist())
-    backend = NumbaFrames(basis) if device == "cpu" else TorchFrames(basis, device)
+    backend = _backend(basis, device)
     objective = HandleObjective.of(model, noise, rigid)
     problem = _Problem(objective, backend, goals, factors, smoothness)
     F = len(goals)
@@ -164,6 +171,10 @@ class _Problem:
         self._rows = np.sqrt(factors) / (objective.noise * objective.diagonal)
         self._smoothness = smoothness
         self._active = objective.size if objective.rigid else objective.size - 6
+        self._seen: Boolean = np.asarray((factors > 0).any(axis=1))
+        # Without smoothness there are no neighbours.
+        share = _UNSEEN if smoothness > 0 else 1.0
+        self._prior = np.where(self._seen, 1.0, share)[:, None]
         self._stiffness = objective.stiffness[: self._active]
 
     def codes(self, X: FloatArray) -> FloatArray:
@@ -192,7 +203,11 @@ class _Problem:
     def _key_frames(self, window: slice, guess: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Unknowns and offsets: key frames one after the other, interpolated between."""
         m = window.stop - window.start
-        keys = np.unique(np.append(np.arange(0, m, _KEY), m - 1))
+        keys = np.append(np.arange(0, m, _KEY), m - 1)
+        seen = np.flatnonzero(self._seen[window])
+        if len(seen):
+            keys = seen[np.abs(seen[:, None] - keys).argmin(axis=0)]
+        keys = np.unique(keys)
         handles = _Single(self._backend)
         found, offsets = [], []
         x = guess
@@ -205,12 +220,12 @@ class _Problem:
             x, _, _ = objective.descend(handles, x, 20, 1e-2)
             found.append(x)
             offsets.append(handles.offset)
-        return _between(keys, np.array(found)), _between(keys, np.array(offsets))
+        return _between(keys, np.array(found), m), _between(keys, np.array(offsets), m)
 
     def _offsets(self, X: FloatArray, P: FloatArray) -> FloatArray:
         """What positions P lack to the exact ones (m, H, 3), from some frames to all."""
         frames = np.unique(np.append(np.arange(0, len(X), _MEASURED), len(X) - 1))
-        return _between(frames, self._backend.by_all(self.codes(X[frames])) - P[frames])
+        return _between(frames, self._backend.by_all(self.codes(X[frames])) - P[frames], len(X))
 
     def _descend(
         self,
@@ -278,7 +293,8 @@ class _Problem:
         before: FloatArray,
     ) -> float:
         n = self._active
-        own = (self._misfit(window, X, P) ** 2).sum() + (X[:, :n] ** 2 @ self._stiffness).sum()
+        own = (self._misfit(window, X, P) ** 2).sum()
+        own += (self._prior[window] * X[:, :n] ** 2 @ self._stiffness).sum()
         return float(own + roughness.energy(before[:, :n], X[:, :n], self._stiffness))
 
     def _normal_equations(
@@ -305,9 +321,10 @@ class _Problem:
         J *= self._rows[window, :, None, None]
         J = J.reshape(len(X), -1, objective.size)[:, :, :n]
         misfit = self._misfit(window, X, P).reshape(len(X), -1, 1)
-        gradient = (J.transpose(0, 2, 1) @ misfit)[..., 0] + self._stiffness * X[:, :n]
+        stiffness = self._prior[window] * self._stiffness
+        gradient = (J.transpose(0, 2, 1) @ misfit)[..., 0] + stiffness * X[:, :n]
         A = J.transpose(0, 2, 1) @ J
-        A += np.diag(self._stiffness)
+        np.einsum("mii->mi", A)[:] += stiffness
         return A, gradient
 
 
@@ -411,23 +428,40 @@ def _first(
     goals: FloatArray,
     factors: FloatArray,
 ) -> FloatArray:
-    """Unknowns of the first frame, by a solve from several starts."""
-    seen = factors[0] > 0
-    solver.set_handles(index[seen], goals[0, seen], factors[0, seen])
+    """Unknowns to begin with, by a solve from several starts.
+
+    They are those of the first frame, or if that sees few handles, of the first that sees at least
+    half as many as any.
+    """
+    counts = (factors[:_WINDOW] > 0).sum(axis=1)
+    frame = int((2 * counts >= counts.max()).argmax())
+    seen = factors[frame] > 0
+    solver.set_handles(index[seen], goals[frame, seen], factors[frame, seen])
     pose = solver.solve()
     y = np.linalg.solve(objective.factor, pose.z - objective.prior.mean)
     x = np.concatenate([y, pose.rotation, pose.translation / objective.diagonal])
     return np.asarray(x, dtype=np.float64)
 
 
-def _between(keys: IntArray, values: FloatArray) -> FloatArray:
-    """Linear interpolation of values (k, …) at frames `keys` to all frames 0…keys[-1]."""
-    frames = np.arange(keys[-1] + 1)
+def _between(keys: IntArray, values: FloatArray, count: int) -> FloatArray:
+    """Linear interpolation of values (k, …) at frames `keys` to frames 0…count − 1.
+
+    Before the first key and after the last the values stay.
+    """
+    frames = np.arange(count)
     after = np.minimum(np.searchsorted(keys, frames), len(keys) - 1)
     start = np.maximum(after - 1, 0)
     gap = np.maximum(keys[after] - keys[start], 1)
-    share: FloatArray = ((frames - keys[start]) / gap).reshape(-1, *[1] * (values.ndim - 1))
+    share: FloatArray = np.clip((frames - keys[start]) / gap, 0.0, 1.0)
+    share = share.reshape(-1, *[1] * (values.ndim - 1))
     return np.asarray((1.0 - share) * values[start] + share * values[after])
+
+
+def _backend(basis: HandleBasis, device: str) -> Frames:
+    """`Frames` on a device; "auto" is an accelerator that there is and that knows the model."""
+    if device == "auto":
+        device = resolve_device(device).type if basis.model.decoder.pointwise else "cpu"
+    return NumbaFrames(basis) if device == "cpu" else TorchFrames(basis, device)
 
 
 def _checked(
@@ -439,8 +473,9 @@ def _checked(
 ) -> tuple[IntArray, FloatArray, FloatArray, Boolean]:
     """Handle vertices (H,), targets (F, H, 3), factors (F, H), and which are held (F, H)."""
     goals = np.asarray(targets, dtype=np.float64)
-    if goals.ndim != 3 or goals.shape[2] != 3 or len(goals) == 0:
-        raise InputError(f"targets: expected (F, H, 3), frame by frame, got {goals.shape}")
+    count = np.size(vertices)
+    if goals.ndim != 3 or goals.shape[1:] != (count, 3) or len(goals) == 0:
+        raise InputError(f"targets: expected (F, {count}, 3), one frame or more, got {goals.shape}")
     F, H, _ = goals.shape
     factors = np.ones(H) if weights is None else np.asarray(weights, dtype=np.float64)
     if factors.shape not in ((H,), (F, H)):
