@@ -89,6 +89,10 @@ def write_handles(path, frames, sequence=False):
     return path
 
 
+def rms(distances):
+    return np.sqrt(np.mean(np.square(distances)))
+
+
 def frame_of(shape, vertices=(0, 100, 225)):
     """Handles that ask for the place of some vertices in one of the example shapes."""
     return {vertex: bending_bar().vertices[shape][vertex] for vertex in vertices}
@@ -162,7 +166,7 @@ def test_train_info_fit(run_json, run, model_path, tmp_path):
         np.sqrt(((mesh.vertices[vertex] - p) ** 2).sum()) for vertex, p in frame_of(3).items()
     ]
     assert result["max_residual"] == pytest.approx(max(distances))
-    assert result["residual_rms"] == pytest.approx(np.sqrt(np.mean(np.square(distances))))
+    assert result["residual_rms"] == pytest.approx(rms(distances))
     assert len(result["z"]) == 4
     assert result["iterations"] >= 1 and result["milliseconds"] > 0
     assert result["prior_distance"] >= 0
@@ -172,21 +176,62 @@ def test_train_info_fit(run_json, run, model_path, tmp_path):
 
 
 @pytest.mark.parametrize("output", ["poses.npz", "poses"])
-def test_fit_of_a_sequence(run_json, model_path, tmp_path, output):
-    frames = [frame_of(1), frame_of(2), frame_of(2, (0, 225))]
+@pytest.mark.parametrize("hard", [False, True], ids=["soft", "hard"])
+def test_fit_of_a_sequence(run_json, model_path, tmp_path, output, hard):
+    """Its frames have different handles; every record is of those of its own frame."""
+    frames = [frame_of(1), frame_of(2), frame_of(2, (0, 225)), frame_of(2, (50, 225))]
     handles = write_handles(tmp_path / "frames.json", frames, sequence=True)
-    result = run_json("fit", model_path, handles, "-o", tmp_path / output)
+    options = ["--hard"] if hard else []
+    result = run_json("fit", model_path, handles, "-o", tmp_path / output, *options)
     poses = deformer.load_shapes(tmp_path / output)
-    assert poses.vertices.shape == (3, 226, 3)
-    assert len(result["frames"]) == 3
+    assert poses.vertices.shape == (4, 226, 3)
+    assert len(result["frames"]) == 4
     residuals = []
     for frame, vertices, record in zip(frames, poses.vertices, result["frames"], strict=True):
         apart = [np.sqrt(((vertices[v] - p) ** 2).sum()) for v, p in frame.items()]
-        assert record["max_residual"] == pytest.approx(max(apart))
-        assert {"z", "residual_rms", "iterations", "milliseconds", "prior_distance"} <= set(record)
+        assert record["max_residual"] == pytest.approx(max(apart), abs=1e-6)
+        assert record["residual_rms"] == pytest.approx(rms(apart), abs=1e-6)
+        assert len(record["z"]) == 4 and record["prior_distance"] >= 0
         residuals += apart
-    assert result["max_residual"] == pytest.approx(max(residuals))
-    assert result["residual_rms"] == pytest.approx(np.sqrt(np.mean(np.square(residuals))))
+    assert result["max_residual"] == pytest.approx(max(residuals), abs=1e-6)
+    assert result["residual_rms"] == pytest.approx(rms(residuals), abs=1e-6)
+    assert (result["max_residual"] < 1e-6) == hard
+    assert result["iterations"] >= 1 and result["milliseconds"] > 0
+    assert result["prior_distance"] == max(frame["prior_distance"] for frame in result["frames"])
+
+
+def test_fit_of_a_sequence_takes_smoothness_weights_and_a_device(run_json, model_path, tmp_path):
+    """What the command writes is what `fit_sequence` finds."""
+    model = deformer.load_model(model_path)
+    rng = np.random.default_rng(0)
+    shapes = bending_bar().vertices[:8]
+    vertices = np.array([0, 60, 100, 225])
+    targets = shapes[:, vertices] + 0.05 * rng.normal(size=(8, 4, 3))
+    weights = rng.uniform(0.5, 2, size=(8, 4)) * (rng.random((8, 4)) < 0.7)
+    weights[:, 3] = 1
+    frames = [
+        [
+            {"vertex": int(vertices[h]), "position": list(targets[f, h]), "weight": weights[f, h]}
+            for h in reversed(range(4))
+            if weights[f, h]
+        ]
+        for f in range(8)
+    ]
+    handles = tmp_path / "frames.json"
+    handles.write_text(json.dumps({"frames": frames}))
+    jitter = {}
+    for smoothness in (0, 100):
+        expected = deformer.fit_sequence(
+            model, vertices, targets, weights=weights, smoothness=smoothness
+        )
+        for device in ("cpu", "auto"):
+            options = ["--smoothness", smoothness, "--device", device]
+            result = run_json("fit", model_path, handles, "-o", tmp_path / "poses.npz", *options)
+            found = deformer.load_shapes(tmp_path / "poses.npz").vertices
+            assert abs(found - expected.vertices).max() < 1e-3
+            assert result["frames"][3]["z"] == pytest.approx(expected.z[3].tolist(), abs=1e-3)
+        jitter[smoothness] = (np.diff(expected.vertices, 2, axis=0) ** 2).mean()
+    assert jitter[100] < 0.7 * jitter[0]
 
 
 def test_train_takes_a_split(run_json, run, shapes_path, tmp_path):
@@ -281,6 +326,11 @@ def test_mistakes_are_one_line(refuse, shapes_path, model_path, tmp_path):
     assert "226" in refuse("fit", model_path, far, "-o", out)
     assert ".stp" in refuse("fit", model_path, good, "-o", tmp_path / "pose.stp")
     assert "sequence" in refuse("fit", model_path, many, "-o", out)
+    poses = tmp_path / "poses.npz"
+    assert "--smoothness" in refuse("fit", model_path, many, "-o", poses, "--smoothness", "-1")
+    assert "smoothness" in refuse("fit", model_path, many, "-o", poses, "--smoothness", "nan")
+    assert "abacus" in refuse("fit", model_path, many, "-o", poses, "--device", "abacus")
+    assert not poses.exists()
     assert "no such directory" in refuse("fit", model_path, good, "-o", nowhere / "pose.ply")
     assert "broken.json" in refuse("train", shapes_path, "-o", nowhere, "--split", broken)
     assert "good.json" in refuse("train", shapes_path, "-o", good)

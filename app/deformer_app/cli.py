@@ -239,9 +239,17 @@ def fit(
     hard: Annotated[
         bool, typer.Option("--hard", help="Meet every handle exactly, and not just closely.")
     ] = False,
+    smoothness: Annotated[
+        float,
+        typer.Option(min=0, help="Of sequences: weight of accelerations; 0 fits frame by frame."),
+    ] = 10.0,
+    device: Annotated[str, typer.Option(help="Of sequences: cpu, cuda, mps or auto.")] = "cpu",
     as_json: Json = False,
 ) -> None:
-    """Pose a model by handles: where a few of its vertices should be."""
+    """Pose a model by handles: where a few of its vertices should be.
+
+    A sequence is fitted as a whole, without jitter; its frames may have different handles.
+    """
     import deformer
     from deformer import io
     from deformer_app import fitting
@@ -249,16 +257,25 @@ def fit(
     loaded = deformer.load_model(model)
     file = io.load_handles(handles, len(loaded.reference.vertices))
     fitting.check_output(output, file.is_sequence)
-    with console.progress("fitting") as report:
-        poses = fitting.solve_frames(loaded, file, hard, report)
-    fitting.save(output, loaded.reference.faces, poses, file.is_sequence)
-    result = fitting.summarize(poses, file.is_sequence)
+    if file.is_sequence:
+        with console.progress("fitting") as report:
+            vertices, result = fitting.sequence(
+                loaded,
+                file,
+                hard=hard,
+                smoothness=smoothness,
+                device=device,
+                progress=report,
+            )
+    else:
+        vertices, result = fitting.pose(loaded, file, hard)
+    fitting.save(output, loaded.reference.faces, vertices)
     if as_json:
         console.emit({**result, "output": str(output)})
         return
     hidden = ("z", "frames")
     facts = {name: value for name, value in result.items() if name not in hidden}
-    console.show_facts(str(output), {"frames": len(poses), **facts})
+    console.show_facts(str(output), {"frames": len(file.frames), **facts})
 
 
 @app.command(epilog=_examples("deformer demo", "deformer demo -o pictures --json"))

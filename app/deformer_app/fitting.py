@@ -1,9 +1,9 @@
-"""Fit a model to the handles of a file, frame by frame, and sum up how it went."""
+"""Fit a model to the handles of a file, and sum up how it went."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ from deformer import io
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from deformer import DeformationModel, Pose
+    from deformer import DeformationModel
 
 
 def check_output(path: Path, is_sequence: bool) -> None:
@@ -36,53 +36,93 @@ def check_output(path: Path, is_sequence: bool) -> None:
         raise deformer.InputError(f"{path.parent}: no such directory; create it first")
 
 
-def solve_frames(
+def pose(
+    model: DeformationModel, handles: io.HandleFile, hard: bool
+) -> tuple[NDArray, dict[str, Any]]:
+    """Vertices (V, 3) for a single pose's handles, and the record of how it went."""
+    frame = handles.frames[0]
+    solver = deformer.HandleSolver(model)
+    solver.set_handles(
+        [handle.vertex for handle in frame],
+        [handle.position for handle in frame],
+        weights=[handle.weight for handle in frame],
+        hard=hard,
+    )
+    found = solver.solve()
+    record = {
+        "z": found.z,
+        **_residuals(found.residual),
+        "iterations": found.iterations,
+        "milliseconds": found.milliseconds,
+        "prior_distance": found.prior_distance,
+    }
+    return found.vertices, record
+
+
+def sequence(
     model: DeformationModel,
     handles: io.HandleFile,
+    *,
     hard: bool,
+    smoothness: float,
+    device: str,
     progress: Callable[[int, int], None],
-) -> list[Pose]:
-    """Solve every frame in order, each starting from the pose of the one before."""
-    solver = deformer.HandleSolver(model)
-    poses = []
-    for frame in handles.frames:
-        solver.set_handles(
-            [handle.vertex for handle in frame],
-            [handle.position for handle in frame],
-            weights=[handle.weight for handle in frame],
-            hard=hard,
-        )
-        poses.append(solver.settle())
-        progress(len(poses), len(handles.frames))
-    return poses
+) -> tuple[NDArray, dict[str, Any]]:
+    """Vertices (F, V, 3) for all frames' handles, and the record of how it went, with `frames`."""
+    vertices, targets, weights = _tracks(handles)
+    begun = time.perf_counter()
+    found = deformer.fit_sequence(
+        model,
+        vertices,
+        targets,
+        weights=weights,
+        hard=hard,
+        smoothness=smoothness,
+        device=device,
+        on_progress=progress,
+    )
+    milliseconds = 1000.0 * (time.perf_counter() - begun)
+    frames = [
+        {"z": z, **_residuals(residual), "prior_distance": distance}
+        for z, residual, distance in zip(found.z, found.residual, found.prior_distance, strict=True)
+    ]
+    record = {
+        **_residuals(found.residual),
+        "iterations": found.iterations,
+        "milliseconds": milliseconds,
+        "prior_distance": found.prior_distance.max(),
+        "frames": frames,
+    }
+    return found.vertices, record
 
 
-def save(path: Path, faces: NDArray, poses: Sequence[Pose], is_sequence: bool) -> None:
-    """Write one pose as a mesh, or a sequence as NPZ or as a directory."""
-    if is_sequence:
-        vertices = np.stack([pose.vertices for pose in poses])
+def save(path: Path, faces: NDArray, vertices: NDArray) -> None:
+    """Write one pose (V, 3) as a mesh, or a sequence (F, V, 3) as NPZ or as a directory."""
+    if vertices.ndim == 3:
         io.save_shapes(path, deformer.MeshSequence(vertices, faces))
     else:
-        io.save_mesh(path, deformer.Mesh(poses[0].vertices, faces))
+        io.save_mesh(path, deformer.Mesh(vertices, faces))
 
 
-def summarize(poses: Sequence[Pose], is_sequence: bool) -> dict[str, Any]:
-    """Sum up poses: one record for a pose; totals and a record a frame for a sequence."""
-    frames = [{"z": pose.z, **_residuals([pose]), **_effort([pose])} for pose in poses]
-    if not is_sequence:
-        return frames[0]
-    return {**_residuals(poses), **_effort(poses), "frames": frames}
+def _tracks(handles: io.HandleFile) -> tuple[NDArray, NDArray, NDArray]:
+    """Vertices (H,) that have a handle in any frame, targets (F, H, 3), weights (F, H).
+
+    Where a frame has no handle at a vertex its weight is 0.
+    """
+    vertices = np.unique([handle.vertex for frame in handles.frames for handle in frame])
+    place = {int(vertex): h for h, vertex in enumerate(vertices)}
+    targets = np.zeros((len(handles.frames), len(vertices), 3))
+    weights = np.zeros(targets.shape[:2])
+    for f, frame in enumerate(handles.frames):
+        for handle in frame:
+            h = place[handle.vertex]
+            targets[f, h], weights[f, h] = handle.position, handle.weight
+    return vertices, targets, weights
 
 
-def _residuals(poses: Sequence[Pose]) -> dict[str, float]:
-    distances = [float(distance) for pose in poses for distance in pose.residual]
-    mean_square = sum(distance**2 for distance in distances) / len(distances)
-    return {"residual_rms": math.sqrt(mean_square), "max_residual": max(distances)}
-
-
-def _effort(poses: Sequence[Pose]) -> dict[str, float]:
+def _residuals(distances: NDArray) -> dict[str, float]:
+    """Sum up distances; NaN is a handle that is not there."""
     return {
-        "iterations": sum(int(pose.iterations) for pose in poses),
-        "milliseconds": sum(float(pose.milliseconds) for pose in poses),
-        "prior_distance": max(float(pose.prior_distance) for pose in poses),
+        "residual_rms": float(np.sqrt(np.nanmean(distances**2))),
+        "max_residual": float(np.nanmax(distances)),
     }
