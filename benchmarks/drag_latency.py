@@ -1,44 +1,123 @@
 """Time from a mouse move to new vertices, beside libigl's ARAP with the same handles.
 
-    python benchmarks/drag_latency.py SHAPES [--model MODEL] [--subdivide 1] [--handles 10]
+    python benchmarks/drag_latency.py MODEL SHAPES [--subdivide 0 1 2] [--handles 10]
 
-Prints median and p95 over the frames of a drag from one shape to another, stage by stage, and the
-ratio to libigl's as-rigid-as-possible deformation (10 iterations) in the same run. Without a model
-one is trained for a few steps: its poses mean little then, its times are those of any model.
+For the model, and for what it becomes when its mesh is subdivided: median and p95 over the frames
+of a drag from one shape to another, stage by stage; the ratios to libigl's as-rigid-as-possible
+deformation (10 iterations), to the plain reference implementation, and to the floor, the time in
+which the cores read once the bytes that a frame needs. All in one run.
 """
 
 import argparse
 import time
+from collections import defaultdict
+from dataclasses import replace
 from itertools import pairwise
 
 import igl
 import numpy as np
+import torch
 import trimesh
+from numba import njit
+from reference_solver import ReferenceSolver
+from rich.console import Console
+from rich.table import Table
+from scipy.spatial import KDTree
 
 import deformer
+from deformer.autoencoder import MeshAutoencoder
+from deformer.cholesky import SparseCholesky
 from deformer.handles import HandleSolver
+from deformer.latent import fit_prior
+from deformer.mesh import one_rings
+from deformer.objective import HandleObjective
+from deformer.parallel import over_ranges
+from deformer.rotations import align
+from deformer.surface import Surface
+
+STAGES = {
+    "search by landmarks": (HandleObjective, "descend"),
+    "decode all vertices": (Surface, "decode"),
+    "right-hand side": (Surface, "sum_edges"),
+    "back-substitution": (SparseCholesky, "solve_in_order"),
+    "exact handles": (Surface, "meet"),
+    "positions out": (Surface, "positions"),
+}
 
 
-def quantiles(seconds: list[float]) -> str:
-    p50, p95 = np.percentile(np.array(seconds) * 1e3, [50, 95])
-    return f"{p50:8.2f} {p95:8.2f}"
+class Stopwatch:
+    """Time spent in some methods, while it is entered."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, list[float]] = defaultdict(list)
+        self._kept = {name: getattr(*where) for name, where in STAGES.items()}
+
+    def __enter__(self):
+        for name, (owner, method) in STAGES.items():
+            setattr(owner, method, self._timed(name, self._kept[name]))
+        return self
+
+    def __exit__(self, *_):
+        for name, (owner, method) in STAGES.items():
+            setattr(owner, method, self._kept[name])
+
+    def _timed(self, name, function):
+        def timed(*arguments, **options):
+            begun = time.perf_counter()
+            try:
+                return function(*arguments, **options)
+            finally:
+                self.seconds[name].append(time.perf_counter() - begun)
+
+        return timed
 
 
-def subdivided(shapes: deformer.MeshSequence, times: int) -> deformer.MeshSequence:
-    """Midpoint subdivision of every shape, four faces for one, `times` over."""
-    vertices, faces = shapes.vertices, shapes.faces
-    for _ in range(times):
-        pairs = [trimesh.remesh.subdivide(v, faces) for v in vertices]
-        vertices, faces = np.stack([v for v, _ in pairs]), np.asarray(pairs[0][1])
-    return deformer.MeshSequence(vertices, faces)
+@njit(nogil=True, fastmath=True)
+def _read(start, stop, array):
+    part, total = array[start:stop], np.float32(0)
+    for i in range(len(part)):
+        total += part[i]
+    part[0] = total
+
+
+def bandwidth() -> float:
+    """Bytes a second that all cores together read from memory, median of several passes."""
+    array = np.ones(1 << 26, dtype=np.float32)
+    times = []
+    for _ in range(9):
+        begun = time.perf_counter()
+        over_ranges(_read, len(array), array)
+        times.append(time.perf_counter() - begun)
+    return array.nbytes / float(np.median(times))
+
+
+def subdivided(model: deformer.DeformationModel) -> deformer.DeformationModel:
+    """The model on its mesh with four faces for one: new vertices weigh as the edge's ends do.
+
+    C is halved and codes are doubled, since the sums over vertices grow fourfold.
+    """
+    ref, C = model.reference, model.network.C.detach().numpy()
+    V = len(ref.vertices)
+    v, faces = trimesh.remesh.subdivide(ref.vertices, ref.faces)
+    edges = np.unique(np.sort(ref.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    _, of = KDTree(ref.vertices[edges].mean(axis=1)).query(v[V:])
+    finer = np.concatenate([C, C[edges[of]].mean(axis=1)]) / 2
+    mesh = deformer.Mesh(v, np.asarray(faces))
+    rings = one_rings(mesh.faces, len(v))
+    network = MeshAutoencoder(*rings, model.components, model.config.layers)
+    state = {k: x for k, x in model.network.state_dict().items() if k.startswith("convs")}
+    network.load_state_dict({**state, "C": torch.tensor(finer)}, strict=False)
+    return replace(
+        model, reference=mesh, network=network.eval(), codes=2 * model.codes,
+        prior=fit_prior(2 * model.codes),
+    )  # fmt: skip
 
 
 def arap(reference: deformer.Mesh, handles: np.ndarray, path: np.ndarray) -> list[float]:
     data = igl.ARAPData()
     data.max_iter = 10
-    igl.arap_precomputation(
-        reference.vertices, reference.faces.astype(np.int64), 3, handles.astype(np.int64), data
-    )
+    faces = reference.faces.astype(np.int64)
+    igl.arap_precomputation(reference.vertices, faces, 3, handles.astype(np.int64), data)
     guess, times = reference.vertices.copy(), []
     for targets in path:
         begun = time.perf_counter()
@@ -47,67 +126,100 @@ def arap(reference: deformer.Mesh, handles: np.ndarray, path: np.ndarray) -> lis
     return times
 
 
+def drag(solver, handles, path, hard, watch=None):
+    """Seconds a frame, and the largest step of a vertex a frame, in units of the mouse's."""
+    solver.set_handles(handles, path[0], hard=hard)
+    last = solver.solve().vertices
+    frames, steps = [], []
+    for targets in path:
+        begun = time.perf_counter()
+        solver.set_handles(handles, targets, hard=hard)
+        pose = solver.solve(warm=True)
+        frames.append(time.perf_counter() - begun)
+        steps.append(np.linalg.norm(pose.vertices - last, axis=1).max())
+        last = pose.vertices
+    mouse = max(np.linalg.norm(b - a, axis=1).max() for a, b in pairwise(path))
+    return np.array(frames), max(steps[1:]) / mouse
+
+
+def measure(model, a, b, options, bytes_a_second) -> None:
+    console = Console(width=100)
+    V = len(model.reference.vertices)
+    begun = time.perf_counter()
+    solver = HandleSolver(replace(model))
+    setup = time.perf_counter() - begun
+    handles = deformer.farthest_points(model.geodesics, options.handles, seed=0)
+    hard = not options.soft
+    solver.set_handles(handles[:-1], a[handles[:-1]], hard=hard)
+    solver.solve()
+    begun = time.perf_counter()
+    solver.set_handles(handles, a[handles], hard=hard)
+    adding = time.perf_counter() - begun
+    path = [(1 - s) * a[handles] + s * b[handles] for s in np.linspace(0, 1, options.frames)]
+    drag(solver, handles, path[:30], hard)
+    frames, stretch = drag(solver, handles, path, hard)
+    with Stopwatch() as watch:
+        drag(solver, handles, path, hard)
+    for _ in range(3):
+        settled = solver.solve(warm=True)
+    begun = time.perf_counter()
+    cold = solver.solve()
+    cold_time = time.perf_counter() - begun
+    rival = arap(model.reference, handles, np.array(path[:: max(1, len(path) // 20)]))
+    frame, p95 = np.percentile(frames * 1e3, [50, 95])
+    floor = solver.basis.surface.bytes_of_a_frame / bytes_a_second
+    table = Table(title=f"{V} vertices, K = {model.components}, {options.handles} handles, ms")
+    for name in ("", "p50", "p95", "ratio to a frame's p50"):
+        table.add_column(name, justify="left" if name == "" else "right")
+    table.add_row("a frame", f"{frame:.2f}", f"{p95:.2f}", "1")
+    for name, times in watch.seconds.items():
+        x, y = np.percentile(np.array(times[-len(path) :]) * 1e3, [50, 95])
+        table.add_row(f"  {name}", f"{x:.2f}", f"{y:.2f}", f"{x / frame:.2f}")
+    x, y = np.percentile(np.array(rival) * 1e3, [50, 95])
+    table.add_row("libigl ARAP, 10 iterations", f"{x:.1f}", f"{y:.1f}", f"{x / frame:.1f}")
+    if options.reference:
+        plain = ReferenceSolver(model)
+        plain.set_handles(handles, path[0], hard=hard)
+        plain.solve(warm=False)
+        slow = []
+        for targets in path[1 : options.reference + 1]:
+            begun = time.perf_counter()
+            plain.set_handles(handles, targets, hard=hard)
+            plain.solve(warm=True)
+            slow.append(time.perf_counter() - begun)
+        x, y = np.percentile(np.array(slow) * 1e3, [50, 95])
+        table.add_row("reference implementation", f"{x:.0f}", f"{y:.0f}", f"{x / frame:.0f}")
+    table.add_row("floor: bytes read once", f"{floor * 1e3:.2f}", "", f"{floor * 1e3 / frame:.2f}")
+    console.print(table)
+    console.print(
+        f"set-up {setup:.2f} s, adding a handle {adding * 1e3:.1f} ms, cold solve "
+        f"{cold_time * 1e3:.0f} ms; largest vertex step / largest mouse step {stretch:.2f}; energy "
+        f"3 frames after the stop / cold solve {settled.energy / cold.energy:.6f}\n"
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("model")
     parser.add_argument("shapes")
-    parser.add_argument("--model")
-    parser.add_argument("--subdivide", type=int, default=0)
+    parser.add_argument("--subdivide", type=int, nargs="*", default=[0], help="how often")
     parser.add_argument("--handles", type=int, default=10)
     parser.add_argument("--frames", type=int, default=200)
     parser.add_argument("--soft", action="store_true", help="leave out exact handles")
+    parser.add_argument("--reference", type=int, default=0, help="frames of the reference path")
     options = parser.parse_args()
-    shapes = deformer.load_shapes(options.shapes)
-    shapes = shapes.subset(np.arange(0, len(shapes), max(1, len(shapes) // 24)))
-    shapes = subdivided(shapes, options.subdivide)
-    if options.model:
-        model = deformer.load_model(options.model)
-    else:
-        model = deformer.train(shapes, 50, epochs=5, align_shapes=True)
-    a, b = shapes.vertices[0], shapes.vertices[len(shapes) // 2]
-    begun = time.perf_counter()
-    fresh = deformer.DeformationModel(
-        model.reference, model.config, model.scaler, model.network, model.codes, model.prior, {}
-    )
-    solver = HandleSolver(fresh)
-    setup = time.perf_counter() - begun
-    handles = deformer.farthest_points(fresh.geodesics, options.handles, seed=0)
-    solver.set_handles(handles[:1] - 1 if handles[0] else handles[:1] + 1, a[:1])
-    begun = time.perf_counter()
-    solver.set_handles(handles, a[handles], hard=not options.soft)
-    adding = (time.perf_counter() - begun) / options.handles
-    first = solver.solve()
-    path = [(1 - s) * a[handles] + s * b[handles] for s in np.linspace(0, 1, options.frames)]
-    for targets in path[:20]:
-        solver.set_handles(handles, targets, hard=not options.soft)
-        solver.solve(warm=True)
-    solver.set_handles(handles, path[0], hard=not options.soft)
-    solver.solve()
-    frames, steps, last = [], [], first.vertices
-    for targets in path:
-        begun = time.perf_counter()
-        solver.set_handles(handles, targets, hard=not options.soft)
-        pose = solver.solve(warm=True)
-        frames.append(time.perf_counter() - begun)
-        steps.append(np.abs(pose.vertices - last).max())
-        last = pose.vertices
-    mouse = max(np.linalg.norm(q - p, axis=1).max() for p, q in pairwise(path))
-    for _ in range(3):
-        settled = solver.solve(warm=True)
-    cold = solver.solve()
-    rival = arap(model.reference, handles, np.array(path[:: max(1, options.frames // 20)]))
-    V = len(model.reference.vertices)
-    print(f"{V} vertices, K = {model.components}, {options.handles} handles, ms: median, p95")
-    print(f"  a frame          {quantiles(frames)}")
-    print(f"  libigl ARAP x10  {quantiles(rival)}")
-    print(f"  ratio of medians {np.median(rival) / np.median(frames):8.1f}")
-    print(
-        f"  set-up {setup:.2f} s, adding a handle {adding * 1e3:.1f} ms, cold solve "
-        f"{cold.milliseconds:.0f} ms"
-    )
-    print(
-        f"  largest vertex step / largest mouse step {max(steps[1:]) / mouse:.1f}; energy 3 "
-        f"frames after the stop / cold solve {settled.energy / cold.energy:.4f}"
-    )
+    model = deformer.load_model(options.model)
+    shapes = deformer.load_shapes(options.shapes).vertices
+    a, b = align(shapes[[0, len(shapes) // 2]], model.reference.vertices)
+    speed = bandwidth()
+    print(f"memory: {speed / 1e9:.1f} GB/s read by all cores\n")
+    for level in range(max(options.subdivide, default=0) + 1):
+        if level:
+            faces = model.reference.faces
+            a, b = (trimesh.remesh.subdivide(shape, faces)[0] for shape in (a, b))
+            model = subdivided(model)
+        if level in options.subdivide:
+            measure(model, a, b, options, speed)
 
 
 if __name__ == "__main__":

@@ -22,9 +22,17 @@ _LANDMARKS = 800
 
 @dataclass(frozen=True, eq=False)
 class _Kept:
-    """What a handle's vertex keeps: Green row (V,), arms by landmark (S, 3), arms by block."""
+    """What a handle's vertex keeps.
+
+    Args:
+        green: (V,) Green row.
+        ordered_green: (V,) the same as `Surface.ordered` gives it.
+        landmark_arms: (S, 3).
+        blocked_arms: as `Surface.block_arms` gives them.
+    """
 
     green: FloatArray
+    ordered_green: NDArray
     landmark_arms: FloatArray
     blocked_arms: NDArray
 
@@ -47,6 +55,7 @@ class HandleBasis:
         self._landmark_decoder = model.decoder_at(marks)
         self._kept: dict[int, _Kept] = {}
         self.vertices: IntArray = np.empty(0, dtype=np.int64)
+        self._by_all: ArmHandles | None = None
         self._landmark_arms = np.empty((0, len(marks), 3))
 
     def take(self, vertices: list[int]) -> None:
@@ -55,11 +64,16 @@ class HandleBasis:
         new = [v for v in vertices if v not in self._kept]
         for vertex, row in zip(new, poisson.green_rows(new), strict=True):
             arms = poisson.arms(row[None])
-            by_landmark = self._grouping.arms(arms)[0]
-            self._kept[vertex] = _Kept(row, by_landmark, self.surface.block_arms(arms[0]))
+            self._kept[vertex] = _Kept(
+                row,
+                self.surface.ordered(row),
+                self._grouping.arms(arms)[0],
+                self.surface.block_arms(arms[0]),
+            )
         for gone in set(self._kept) - set(vertices):
             del self._kept[gone]
         self.vertices = np.array(vertices, dtype=np.int64)
+        self._by_all = None
         kept = [self._kept[v] for v in vertices]
         by_landmark = np.array([entry.landmark_arms for entry in kept])
         self._landmark_arms = by_landmark.reshape(len(kept), self._grouping.count, 3)
@@ -70,11 +84,18 @@ class HandleBasis:
         rows = [self._kept[v].green for v in vertices.tolist()]
         return np.array(rows).reshape(len(rows), len(self.model.reference.vertices))
 
+    def hold(self, vertices: IntArray, surface: Surface | None = None) -> None:
+        """Let the handle vertices (n,) be exact on a surface, the basis's own or a twin of it."""
+        rows = [self._kept[v].ordered_green for v in vertices.tolist()]
+        (surface or self.surface).take_exact(vertices, rows)
+
     def by_landmarks(self) -> ArmHandles:
         """Positions of the handles by landmarks: fast, and off by what is measured as an offset."""
         return ArmHandles(self._landmark_decoder, self._landmark_arms, fast=True)
 
     def by_all(self) -> ArmHandles:
         """Positions of the handles by all vertices."""
-        arms = self.model.poisson.arms(self.green(self.vertices))
-        return ArmHandles(self.model.decoder, arms, fast=True)
+        if self._by_all is None:
+            arms = self.model.poisson.arms(self.green(self.vertices))
+            self._by_all = ArmHandles(self.model.decoder, arms, fast=True)
+        return self._by_all

@@ -18,6 +18,8 @@ from deformer.mesh import FloatArray
 from deformer.parallel import over_ranges, scratch
 from deformer.rotations import exp_, right_jacobian_
 
+# Vertices whose tangents are there at once: their memory must not grow with the mesh.
+_PORTION = 8192
 # Place of S_ab among the six stored entries xx xy xz yy yz zz.
 _ENTRY = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 
@@ -202,10 +204,15 @@ def arm_jacobian(q: FloatArray, slope: FloatArray, matrix: NDArray, arms: NDArra
         arms: (H, n, 3), single precision.
     """
     n, _, K = matrix.shape
-    tangents = scratch("tangents", (3 * n, 3 * K))
-    over_ranges(_decoder_tangents, n, q, slope, matrix, tangents)
-    J = arms.reshape(len(arms), 3 * n) @ tangents
-    return J.reshape(len(arms), 3, K).astype(np.float64)
+    J = np.zeros((len(arms), 3 * K))
+    for start in range(0, n, _PORTION):
+        part = slice(start, min(start + _PORTION, n))
+        size = part.stop - start
+        tangents = scratch("tangents", (3 * size, 3 * K))
+        layer = q[part], slope[part], matrix[part]
+        over_ranges(_decoder_tangents, size, *layer, tangents)
+        J += arms[:, part].reshape(len(arms), 3 * size) @ tangents
+    return J.reshape(len(arms), 3, K)
 
 
 def gradient_tangents(q: FloatArray, dq: FloatArray) -> FloatArray:

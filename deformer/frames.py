@@ -10,10 +10,14 @@ from numpy.typing import NDArray
 from deformer.basis import HandleBasis
 from deformer.mesh import FloatArray
 from deformer.parallel import each
-from deformer.surface import FIRST_TURNS, TURNS, solve_all
+from deformer.surface import solve_all
 
 # Frames of a core that are solved for with one pass over the factor.
 _TOGETHER = 4
+
+# Fixed-point steps of the local rotation fits: in the first round and in later ones.
+FIRST_TURNS = 8
+TURNS = 2
 
 Boolean = NDArray[np.bool_]
 

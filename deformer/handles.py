@@ -15,7 +15,6 @@ from deformer.mesh import FloatArray, IntArray
 from deformer.model import DeformationModel
 from deformer.objective import ArmHandles, HandleObjective
 from deformer.parallel import one_blas_thread
-from deformer.surface import FIRST_TURNS, FRAME_TURNS, TURNS
 
 # Cold solves try this many of the training codes (spread over the latent space), descend from the
 # mean and the most promising few, and finish the best ones exactly.
@@ -27,6 +26,16 @@ _FINISHED = 2
 _FRAME_STEPS = 4
 _FRAME_TOLERANCE = 5e-2
 _SURPRISE = 0.05
+# Where the targets rest, and to finish a cold solve: steps between two derivatives by all vertices,
+# the relative gain that ends them, and how often at most a cold solve takes that derivative.
+_FINAL_STEPS = 40
+_FINAL_TOLERANCE = 1e-8
+_REFINEMENTS = 10
+# Fixed-point steps of the local rotation fits: in a frame of a drag, which goes on from the frame
+# before; in the first round of a cold solve, and in its later ones.
+_FRAME_TURNS = 1
+_FIRST_TURNS = 60
+_TURNS = 10
 
 
 @dataclass(frozen=True)
@@ -122,6 +131,10 @@ class HandleSolver:
         self._state: _State | None = None
         # The state whose gradients the surface holds.
         self._decoded: _State | None = None
+        # What landmarks leave out of the derivative, and where that was measured.
+        self._correction: FloatArray | None = None
+        self._corrected_at: FloatArray | None = None
+        self._asked: tuple[FloatArray, FloatArray] | None = None
         self._assign([])
 
     @property
@@ -242,7 +255,7 @@ class HandleSolver:
         exact = self.basis.vertices[self._hard]
         if exact.tolist() != self._exact.tolist():
             self._exact = exact
-            self._surface.take_exact(exact, self.basis.green)
+            self.basis.hold(exact)
             if len(exact) == 0:
                 self._surface.reset()
                 self._decoded = None
@@ -251,6 +264,7 @@ class HandleSolver:
     def _take_vertices(self, vertices: list[int]) -> None:
         """Green rows and landmark arms of the handle vertices; what is there already is kept."""
         self.basis.take(vertices)
+        self._correction = self._corrected_at = self._asked = None
         if self._state is not None:
             p = self._surface.decode(self._objective.code(self._state.x))
             self._state = self._decoded = replace(self._state, p=p)
@@ -264,6 +278,8 @@ class HandleSolver:
         """One frame from the last solution: descend by landmarks, then look at all vertices."""
         # The targets may have moved: the energy of the old unknowns is another now.
         state = replace(state, energy=self._objective.energy(state.x, state.p))
+        if self._rests():
+            return self._refine(state)
         x, promised, steps = self._descend_by_landmarks(state, _FRAME_STEPS, _FRAME_TOLERANCE)
         found = self._evaluate(x)
         if found.energy > promised + _SURPRISE * abs(promised) + _SURPRISE:
@@ -273,35 +289,60 @@ class HandleSolver:
             found = min((again, found), key=lambda entry: entry.energy)
         return min((state, found), key=lambda entry: entry.energy), steps
 
+    def _rests(self) -> bool:
+        """Whether the last solve was for these very targets and weights."""
+        now = self._objective.targets, self._objective.weights
+        last, self._asked = self._asked, now
+        return last is not None and all(map(np.array_equal, last, now))
+
+    def _refine(self, state: _State) -> tuple[_State, int]:
+        """Towards the exact minimum: landmarks corrected by the derivative of all vertices."""
+        if self._corrected_at is None or not np.array_equal(self._corrected_at, state.x):
+            z = self._objective.code(state.x)
+            landmarks, everything = self.basis.by_landmarks(), self.basis.by_all()
+            self._correction = everything.at(z).derivative() - landmarks.at(z).derivative()
+            self._corrected_at = state.x
+        x, _, steps = self._descend_by_landmarks(state, _FINAL_STEPS, _FINAL_TOLERANCE)
+        step = x - state.x
+        # Far from where the derivative was taken landmarks may promise too much: go less far.
+        for share in (1.0, 0.3, 0.1, 0.03) if step.any() else ():
+            found = self._evaluate(state.x + share * step)
+            if found.energy < state.energy:
+                return found, steps
+        return state, steps
+
     def _descend_by_landmarks(
         self, state: _State, limit: int, tolerance: float = 1e-5
     ) -> tuple[FloatArray, float, int]:
         """Descend from a state with handle positions by landmarks, exact at the state."""
         objective, handles = self._objective, self.basis.by_landmarks()
+        handles.correction = self._correction
         here = handles.pinned_at(objective.code(state.x), state.p)
         return objective.descend(handles, state.x, limit, tolerance, here)
 
     def _search(self) -> tuple[_State, int]:
         """Several starts by landmarks; the two best are finished with all vertices."""
         objective, handles = self._objective, self.basis.by_landmarks()
+        self._rests()
+        self._correction = self._corrected_at = None
         starts = self._starts(handles)
         coarse = [objective.descend(handles, x, 40) for x in starts]
         coarse.sort(key=lambda entry: entry[1])
         steps = sum(entry[2] for entry in coarse)
         finished = []
         for x, _, _ in coarse[:_FINISHED]:
+            self._correction = self._corrected_at = None
             state = self._evaluate(x)
-            for _ in range(4):
-                x, _, more = self._descend_by_landmarks(state, 10)
+            for _ in range(_REFINEMENTS):
+                before = state
+                state, more = self._refine(before)
                 steps += more
-                found = self._evaluate(x)
-                if found.energy >= state.energy * (1.0 - 1e-3):
+                if state.energy > before.energy * (1.0 - _FINAL_TOLERANCE):
                     break
-                state = found
-            x, _, more = objective.descend(self.basis.by_all(), state.x, 10, 1e-4)
-            finished.append(self._evaluate(x))
-            steps += more
-        return min(finished, key=lambda state: state.energy), steps
+            finished.append((state, self._correction, self._corrected_at))
+        best = min(finished, key=lambda entry: entry[0].energy)
+        state, self._correction, self._corrected_at = best
+        return state, steps
 
     def _starts(self, handles: ArmHandles) -> list[FloatArray]:
         """The prior's mean and the training codes that fit the handles best, rigidly placed."""
@@ -322,14 +363,14 @@ class HandleSolver:
         """Positions (V, 3) of a state, exact handles by the rotations of the frame before."""
         vertices = self._solve(state)
         if self._hard.any() and self.relaxation:
-            self._surface.relax(FRAME_TURNS)
+            self._surface.relax(_FRAME_TURNS)
         return vertices
 
     def _show_afresh(self, state: _State) -> FloatArray:
         """Positions (V, 3) of a state, exact handles by rounds of rigid relaxation."""
         vertices = self._solve(state)
         for n in range(self.relaxation if self._hard.any() else 0):
-            self._surface.relax(TURNS if n else FIRST_TURNS)
+            self._surface.relax(_TURNS if n else _FIRST_TURNS)
             vertices = self._solve(state)
         return vertices
 

@@ -47,7 +47,10 @@ class Evaluation(Protocol):
 
 
 class ArmHandles:
-    """Handle positions Σ_i T_i(z) a_h,i + offset_h over the vertices of a decoder.
+    """Handle positions Σ_i T_i(z) a_h,i + correction_h z + offset_h over a decoder's vertices.
+
+    Where the vertices are landmarks, offset (H, 3) and correction (H, 3, K) hold what they leave
+    out of the positions and of their derivative.
 
     Args:
         decoder: of n vertices.
@@ -60,6 +63,7 @@ class ArmHandles:
         self.decoder, self.arms = decoder, arms
         self.fast = fast
         self.single_arms = arms.astype(np.float32)
+        self.correction: FloatArray | None = None
         self.offset = np.zeros((len(arms), 3))
 
     def at(self, z: FloatArray) -> ArmEvaluation:
@@ -91,16 +95,21 @@ class ArmEvaluation:
         decoder = handles.decoder
         self._q = decoder.single_features(z) if handles.fast else decoder.features(z)
         self.positions = arm_positions(self._q, handles.arms) + handles.offset
+        if handles.correction is not None:
+            self.positions += handles.correction @ z
 
     def derivative(self) -> FloatArray:
         """Derivative (H, 3, K) of the positions with respect to the code."""
         decoder, arms = self._handles.decoder, self._handles.arms
         if self._handles.fast and decoder.pointwise:
             slope = decoder.pointwise_slope(self._q)
-            return arm_jacobian(self._q, slope, decoder.matrix, self._handles.single_arms)
-        g = arm_sensitivities(self._q, arms)
-        J = decoder.pull_back(self._z, g.reshape(-1, *g.shape[2:]))
-        return J.reshape(len(arms), 3, len(self._z))
+            J = arm_jacobian(self._q, slope, decoder.matrix, self._handles.single_arms)
+        else:
+            g = arm_sensitivities(self._q, arms)
+            J = decoder.pull_back(self._z, g.reshape(-1, *g.shape[2:]))
+            J = J.reshape(len(arms), 3, len(self._z))
+        correction = self._handles.correction
+        return J if correction is None else J + correction
 
 
 @dataclass(frozen=True, eq=False)

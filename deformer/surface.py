@@ -8,7 +8,7 @@ kept by blocks of 16 vertices, 16 bit a number, without the components that do n
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Future
 
 import numpy as np
@@ -23,11 +23,6 @@ from deformer.poisson import PoissonSystem
 
 # Blocks below which a second thread does not pay.
 _SHARE = 128
-# Fixed-point steps of the local rotation fits: in a frame of a drag, which goes on from the frame
-# before; in the first round from a decoded pose; in its later ones.
-FRAME_TURNS = 1
-FIRST_TURNS = 8
-TURNS = 2
 
 
 def schur_inverse(block: FloatArray) -> FloatArray:
@@ -140,14 +135,19 @@ class Surface:
         self._arms = np.ascontiguousarray(np.stack(blocked, axis=1) if blocked else empty).ravel()
         self._handle_count = len(blocked)
 
-    def take_exact(self, vertices: IntArray, green: Callable[[IntArray], FloatArray]) -> None:
-        """The vertices (H,) that `meet` holds; `green` gives their Green rows (H, V)."""
+    def take_exact(self, vertices: IntArray, rows: list[NDArray]) -> None:
+        """The vertices (H,) that `meet` holds, with their Green rows by `ordered`."""
         if self._exact.tolist() == vertices.tolist():
             return
         self._exact = vertices
-        rows = green(vertices)
-        self._green = np.ascontiguousarray(rows[:, self._factor.order], dtype=np.float32)
-        self._exact_inverse = schur_inverse(rows[:, vertices])
+        self._green = np.array(rows, dtype=np.float32).reshape(len(rows), len(self._x))
+        self._exact_inverse = schur_inverse(
+            self._green[:, self._factor.place[vertices]].astype(np.float64)
+        )
+
+    def ordered(self, green: FloatArray) -> NDArray:
+        """A Green row (V,) in the order of elimination, single precision."""
+        return green[self._factor.order].astype(np.float32)
 
     def reset(self) -> None:
         """Forget the rotations."""

@@ -16,10 +16,10 @@ from deformer.cholesky import SparseCholesky
 from deformer.decoder import Decoder
 from deformer.errors import InputError
 from deformer.features import STRETCH_COLUMNS, STRETCH_ROWS
-from deformer.frames import Boolean
+from deformer.frames import FIRST_TURNS, TURNS, Boolean
 from deformer.lanes import FURTHER
 from deformer.mesh import FloatArray
-from deformer.surface import FIRST_TURNS, TURNS, schur_inverse
+from deformer.surface import schur_inverse
 from deformer.training import resolve_device
 
 # Numbers of a batch: frames times vertices times nine.
