@@ -311,3 +311,40 @@ def test_warm_solves_follow_a_drag():
     warm, cold = solver.solve(warm=True), solver.solve()
     assert warm.iterations < cold.iterations
     assert distance(warm.vertices, cold.vertices) < 1e-4 * model.reference.bounding_diagonal
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_agrees_with_the_fast_solver_on_hard_handles(seed):
+    """With rigid relaxation, which both take in as many rounds."""
+    model = small_model()
+    vertices, targets = edit(model, seed)
+    poses = []
+    for kind in (ReferenceSolver, HandleSolver):
+        solver = kind(model)
+        solver.set_handles(vertices, targets, hard=True)
+        poses.append(solver.solve())
+    assert poses[0].energy == pytest.approx(poses[1].energy, rel=1e-4)
+    apart = distance(poses[0].vertices, poses[1].vertices)
+    assert apart < 1e-3 * model.reference.bounding_diagonal
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_agrees_with_the_fast_solver_after_a_drag(seed):
+    """Three frames after the mouse has stopped."""
+    model = small_model()
+    vertices, targets = edit(model, seed)
+    diagonal = model.reference.bounding_diagonal
+    way = 0.1 * diagonal * np.random.default_rng(seed).normal(size=3) / 3**0.5
+    poses = []
+    for kind in (ReferenceSolver, HandleSolver):
+        solver = kind(model)
+        solver.set_handles(vertices, targets)
+        solver.solve()
+        for share in (0.25, 0.5, 0.75, 1.0, 1.0, 1.0, 1.0):
+            moved = targets.copy()
+            moved[0] += share * way
+            solver.set_handles(vertices, moved)
+            pose = solver.solve(warm=True)
+        poses.append(pose)
+    assert poses[0].energy == pytest.approx(poses[1].energy, rel=1e-4)
+    assert distance(poses[0].vertices, poses[1].vertices) < 1e-3 * diagonal
