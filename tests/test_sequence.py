@@ -123,15 +123,16 @@ def test_without_smoothness_every_frame_is_a_solve_of_its_own(name, rigid):
     for f in range(len(goals)):
         solver.set_handles(handles, goals[f], weights[f])
         pose = solver.solve()
-        assert largest(fit.vertices[f] - pose.vertices) < 2e-3 * diagonal
-        assert energy[f] < 1.01 * pose.energy
+        assert largest(fit.vertices[f] - pose.vertices) < 1e-3 * diagonal
+        assert energy[f] < 1.003 * pose.energy
 
 
-@pytest.mark.parametrize("smoothness", [1.0, 100.0])
-def test_the_energy_is_that_of_an_independent_optimiser(model, diagonal, smoothness):
+@pytest.mark.parametrize(("smoothness", "angle"), [(1.0, 0.0), (100.0, 0.0), (10.0, 2.5)])
+def test_the_energy_is_that_of_an_independent_optimiser(model, diagonal, smoothness, angle):
     """All unknowns at once, by the formula, in double precision and without any structure."""
     rng = np.random.default_rng(2)
-    goals = decoded(model, 5)[:, HANDLES] + 0.01 * diagonal * rng.normal(size=(5, 10, 3))
+    goals = decoded(model, 5)[:, HANDLES] @ log_to_rotation([0, 0.6 * angle, 0.8 * angle]).T
+    goals += 0.01 * diagonal * rng.normal(size=(5, 10, 3))
     fit = fit_sequence(model, HANDLES, goals, smoothness=smoothness)
     x, stiffness = unknowns(model, fit)
     L, centre = np.linalg.cholesky(model.latent_covariance), model.reference.vertices.mean(axis=0)
@@ -147,8 +148,8 @@ def test_the_energy_is_that_of_an_independent_optimiser(model, diagonal, smoothn
         parts = (moved - goals) / (NOISE * diagonal), scaled, bends
         return np.concatenate([part.ravel() for part in parts])
 
-    best = 2 * least_squares(residuals, x.ravel(), method="lm", max_nfev=400).cost
-    assert best < (residuals(x.ravel()) ** 2).sum() < 1.01 * best
+    best = 2 * least_squares(residuals, x.ravel(), method="lm", max_nfev=2000).cost
+    assert best < (residuals(x.ravel()) ** 2).sum() < 1.001 * best
 
 
 def test_hard_handles_are_met_wherever_they_are_seen(model, diagonal, truth):
@@ -193,7 +194,7 @@ def test_a_frame_without_hard_handles_is_not_relaxed(model, diagonal, truth):
 
 def test_frames_that_see_nothing_are_bridged(model, diagonal, truth):
     """A gap, every twelfth frame, the first and the last, far from where the mean is."""
-    goal = moving(truth, diagonal) + 2 * diagonal
+    goal = moving(truth, diagonal) @ log_to_rotation([0, 0, 2.5]).T + 2 * diagonal
     weights = np.ones((FRAMES, 10))
     weights[::12] = 0
     weights[20:26] = 0
@@ -201,6 +202,8 @@ def test_frames_that_see_nothing_are_bridged(model, diagonal, truth):
     goals = np.where(weights[:, :, None] > 0, goal[:, HANDLES], np.nan)
     fit = fit_sequence(model, HANDLES, goals, weights=weights)
     assert largest(fit.vertices - goal) < 0.03 * diagonal
+    # They have not led the search astray.
+    assert fit.iterations <= 4
     # No jump into a gap or out of it; beyond the last frame seen the motion goes straight on.
     assert largest(np.diff(fit.vertices - goal, axis=0)[:-1]) < 0.01 * diagonal
 
@@ -220,9 +223,11 @@ def test_handles_that_are_lost_for_a_while_are_bridged(model, diagonal, truth):
 
 
 def test_without_smoothness_a_frame_that_sees_nothing_is_the_mean(model, diagonal, truth):
+    """Even amid frames that are all alike."""
+    goals = np.repeat(truth[7:8, HANDLES], 9, axis=0)
     weights = np.ones((9, 10))
     weights[3:5] = 0
-    fit = fit_sequence(model, HANDLES, truth[:9, HANDLES], weights=weights, smoothness=0)
+    fit = fit_sequence(model, HANDLES, goals, weights=weights, smoothness=0)
     assert largest(fit.vertices[3:5] - model.decode(model.latent_mean)) < 1e-3 * diagonal
 
 
