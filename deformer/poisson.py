@@ -50,9 +50,9 @@ def _rhs(start, stop, indptr, rings, c, v, T, b):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _arms(indptr, rings, c, v, green, out):
+def _arms(start, stop, indptr, rings, c, v, green, out):
     """a_i = ½ Σ_j c_ij (G_i − G_j)(v_i − v_j), so that G·b(T) = Σ_i T_i a_i."""
-    for i in range(len(v)):
+    for i in range(start, stop):
         x = y = z = 0.0
         for k in range(indptr[i], indptr[i + 1]):
             j = rings[k]
@@ -174,7 +174,8 @@ class PoissonSystem:
         """Arms (H, V, 3) of Green rows (H, V): G_h · b(T) = Σ_i T_i arm_h,i, without a solve."""
         out = np.empty((*green.shape, 3))
         for row, arm in zip(green, out, strict=True):
-            _arms(self.indptr, self.rings, self.c, self.reference.vertices, row, arm)
+            mesh = self.indptr, self.rings, self.c, self.reference.vertices
+            over_ranges(_arms, len(row), *mesh, row, arm)
         return out
 
 
