@@ -1,0 +1,1 @@
+"""Methods that deform a mesh by examples, or by rigidity alone, behind one protocol."""
