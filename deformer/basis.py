@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from deformer.landmarks import Grouping, choose_landmarks
 from deformer.mesh import FloatArray, IntArray
 from deformer.model import DeformationModel
-from deformer.objective import ArmHandles
+from deformer.objective import ArmHandles, Handles
+from deformer.packed import PackedDecoder, PackedHandles
 from deformer.surface import Surface
 
 # Vertices that stand for all while the latent code is searched.
@@ -51,15 +52,24 @@ class HandleBasis:
         marks, labels = choose_landmarks(
             model.decoder, model.prior.factor, model.reference.vertices, _LANDMARKS
         )
+        # Side by side in space they have most components in common.
+        order = np.argsort(self.surface.place[marks])
+        marks, labels = marks[order], np.argsort(order)[labels]
         self._grouping = Grouping(labels, len(marks))
-        self._landmark_decoder = model.decoder_at(marks)
+        self.landmark_decoder = model.decoder_at(marks)
+        pointwise = self.landmark_decoder.pointwise
+        self._packed = PackedDecoder(self.landmark_decoder) if pointwise else None
         self._kept: dict[int, _Kept] = {}
         self.vertices: IntArray = np.empty(0, dtype=np.int64)
         self._by_all: ArmHandles | None = None
-        self._landmark_arms = np.empty((0, len(marks), 3))
+        self._by_landmarks: Handles | None = None
+        self.landmark_arms = np.empty((0, len(marks), 3))
 
     def take(self, vertices: list[int]) -> None:
-        """Make `vertices` (H,), all different, the handles; what is kept of them is used again."""
+        """Make `vertices` (H,), all different, the handles; what is kept of them is used again.
+
+        It is the cheaper the more of them keep their places.
+        """
         poisson = self.model.poisson
         new = [v for v in vertices if v not in self._kept]
         for vertex, row in zip(new, poisson.green_rows(new), strict=True):
@@ -73,11 +83,11 @@ class HandleBasis:
         for gone in set(self._kept) - set(vertices):
             del self._kept[gone]
         self.vertices = np.array(vertices, dtype=np.int64)
-        self._by_all = None
+        self._by_all = self._by_landmarks = None
         kept = [self._kept[v] for v in vertices]
         by_landmark = np.array([entry.landmark_arms for entry in kept])
-        self._landmark_arms = by_landmark.reshape(len(kept), self._grouping.count, 3)
-        self.surface.take_handles([entry.blocked_arms for entry in kept])
+        self.landmark_arms = by_landmark.reshape(len(kept), self._grouping.count, 3)
+        self.surface.take_handles(self.vertices, [entry.blocked_arms for entry in kept])
 
     def green(self, vertices: IntArray) -> FloatArray:
         """Green rows (n, V) of handle vertices (n,)."""
@@ -89,9 +99,14 @@ class HandleBasis:
         rows = [self._kept[v].ordered_green for v in vertices.tolist()]
         (surface or self.surface).take_exact(vertices, rows)
 
-    def by_landmarks(self) -> ArmHandles:
-        """Positions of the handles by landmarks: fast, and off by what is measured as an offset."""
-        return ArmHandles(self._landmark_decoder, self._landmark_arms, fast=True)
+    def by_landmarks(self) -> Handles:
+        """Positions of the handles by landmarks: fast, and off by what they leave out."""
+        if self._by_landmarks is None:
+            if self._packed is None:
+                self._by_landmarks = ArmHandles(self.landmark_decoder, self.landmark_arms, True)
+            else:
+                self._by_landmarks = PackedHandles(self._packed, self.landmark_arms)
+        return self._by_landmarks
 
     def by_all(self) -> ArmHandles:
         """Positions of the handles by all vertices."""

@@ -78,9 +78,14 @@ def _factor(indptr, indices, data, order, place, starts, bounds, rows, parent):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _forward(first, last, begin, starts, bounds, rows, slices, blocks, x, tail):
-    """Eliminate supernodes first…last − 1 from x (n, m); rows from `begin` on add to `tail`."""
+    """Eliminate supernodes first…last − 1 from x (n, m); rows from `begin` on add to `tail`.
+
+    Of a right-hand side with few entries only the supernodes that they reach are touched.
+    """
     for s in range(first, last):
         lo, w = starts[s], starts[s + 1] - starts[s]
+        if not x[lo : lo + w].any():
+            continue
         block = blocks[slices[s] : slices[s + 1]].reshape(-1, w)
         below = rows[bounds[s] : bounds[s + 1]]
         if len(below) == 0:
@@ -93,13 +98,24 @@ def _forward(first, last, begin, starts, bounds, rows, slices, blocks, x, tail):
                 row[c] += change[k, c]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _backward(first, last, starts, bounds, rows, slices, blocks, x):
     """Solution of supernodes last − 1…first, in place."""
+    sums = np.empty(len(x), dtype=x.dtype)
     for s in range(last - 1, first - 1, -1):
         lo, w = starts[s], starts[s + 1] - starts[s]
         block = blocks[slices[s] : slices[s + 1]].reshape(-1, w)
         below = rows[bounds[s] : bounds[s + 1]]
+        if x.shape[1] == 1:
+            # BLAS takes twice as long for a single column.
+            total = sums[:w]
+            total[:] = 0
+            for j in range(len(block)):
+                row, u = block[j], x[lo + j if j < w else below[j - w], 0]
+                for k in range(w):
+                    total[k] += row[k] * u
+            x[lo : lo + w, 0] = total
+            continue
         gathered = np.empty((len(block), x.shape[1]), dtype=x.dtype)
         gathered[:w] = x[lo : lo + w]
         for k in range(len(below)):

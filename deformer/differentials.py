@@ -7,8 +7,6 @@ one pass over the vertices, without a linear solve.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -53,36 +51,6 @@ def _sensitivities(q, arms, g):
                 row[6] = y * a1
                 row[7] = y * a2 + z * a1
                 row[8] = z * a2
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _codes_to_positions(start, stop, z, matrix, base, gain, offset, arms, out):
-    n, _, K = matrix.shape
-    H = arms.shape[2]
-    q = np.empty(9)
-    R = np.empty((3, 3))
-    sums = np.empty((3, H))
-    for m in range(start, stop):
-        code = z[m]
-        sums[:] = 0.0
-        for i in range(n):
-            for d in range(9):
-                row = matrix[i, d]
-                total = base[d]
-                for k in range(K):
-                    total += row[k] * code[k]
-                q[d] = gain[d] * math.tanh(total) + offset[d]
-            exp_(q, R)
-            for b in range(3):
-                s0, s1, s2 = q[3 + _ENTRY[0, b]], q[3 + _ENTRY[1, b]], q[3 + _ENTRY[2, b]]
-                arm = arms[i, b]
-                for a in range(3):
-                    t = R[a, 0] * s0 + R[a, 1] * s1 + R[a, 2] * s2
-                    for h in range(H):
-                        sums[a, h] += t * arm[h]
-        for h in range(H):
-            for a in range(3):
-                out[m, h, a] = sums[a, h]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
@@ -162,29 +130,6 @@ def arm_positions(q: FloatArray, arms: FloatArray) -> FloatArray:
     """Sums Σ_i T_i(q_i) a_h,i (H, 3) for features q (V, 9) and arms (H, V, 3)."""
     T = features_to_gradients(q).transpose(0, 2, 1).reshape(-1, 3)
     return arms.reshape(len(arms), len(T)) @ T
-
-
-def codes_to_positions(
-    z: FloatArray,
-    matrix: NDArray,
-    base: FloatArray,
-    gain: FloatArray,
-    offset: FloatArray,
-    arms: FloatArray,
-) -> FloatArray:
-    """`arm_positions` (m, H, 3) of many codes z (m, K): q = gain tanh(M z + base) + offset.
-
-    Args:
-        z: (m, K).
-        matrix: M (n, 9, K), single precision.
-        base, gain, offset: (9,).
-        arms: (H, n, 3).
-    """
-    out = np.empty((len(z), len(arms), 3))
-    by_vertex = np.ascontiguousarray(arms.transpose(1, 2, 0), dtype=np.float32)
-    layer = matrix, base.astype(np.float32), gain, offset
-    over_ranges(_codes_to_positions, len(z), z.astype(np.float32), *layer, by_vertex, out, share=4)
-    return out
 
 
 def arm_sensitivities(q: FloatArray, arms: FloatArray) -> FloatArray:

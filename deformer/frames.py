@@ -10,10 +10,6 @@ from numpy.typing import NDArray
 from deformer.basis import HandleBasis
 from deformer.mesh import FloatArray
 from deformer.parallel import each
-from deformer.surface import solve_all
-
-# Frames of a core that are solved for with one pass over the factor.
-_TOGETHER = 4
 
 # Fixed-point steps of the local rotation fits: in the first round and in later ones.
 FIRST_TURNS = 8
@@ -70,7 +66,14 @@ class NumbaFrames:
 
     def by_landmarks(self, z: FloatArray) -> FloatArray:
         """Handle positions (m, H, 3) by landmarks, relative to the shape's centroid."""
-        return self._handles.positions_of(z)
+        out = np.empty((len(z), self._count, 3))
+
+        def some(part: range) -> None:
+            for m in part:
+                out[m] = self._handles.at(z[m]).positions
+
+        each(some, len(z))
+        return out
 
     def jacobians(self, z: FloatArray) -> FloatArray:
         """Their derivatives (m, H, 3, K)."""
@@ -109,31 +112,20 @@ class NumbaFrames:
         vertices, basis = self._basis.vertices, self._basis
 
         def some(part: range) -> None:
-            surfaces = [basis.surface.twin() for _ in range(min(_TOGETHER, len(part)))]
-            for surface in surfaces:
-                surface.take_handles([])
-            for start in range(part.start, part.stop, _TOGETHER):
-                frames = range(start, min(start + _TOGETHER, part.stop))
-                used = surfaces[: len(frames)]
-                back = [(goals[m, held[m]] - origin[m]) @ Q[m] for m in frames]
-                for m, surface in zip(frames, used, strict=True):
-                    basis.hold(vertices[held[m]], surface)
-                    surface.reset()
-                    surface.decode(z[m])
-                solve_all(used)
-                relaxed = [
-                    (surface, targets)
-                    for m, surface, targets in zip(frames, used, back, strict=True)
-                    if held[m].any()
-                ]
-                for n in range(rounds if relaxed else 0):
-                    for surface, targets in relaxed:
-                        surface.meet(targets)
-                        surface.relax(TURNS if n else FIRST_TURNS)
-                    solve_all([surface for surface, _ in relaxed])
-                for m, surface, targets in zip(frames, used, back, strict=True):
+            surface = basis.surface.twin()
+            surface.take_handles(np.empty(0, dtype=np.int64), [])
+            for m in part:
+                targets = (goals[m, held[m]] - origin[m]) @ Q[m]
+                basis.hold(vertices[held[m]], surface)
+                surface.reset()
+                surface.decode(z[m])
+                surface.solve()
+                surface.meet(targets)
+                for n in range(rounds if held[m].any() else 0):
+                    surface.relax(TURNS if n else FIRST_TURNS)
+                    surface.solve()
                     surface.meet(targets)
-                    out[m] = surface.positions(Q[m], origin[m])
-                    out[m, vertices[held[m]]] = goals[m, held[m]]
+                out[m] = surface.positions(Q[m], origin[m])
+                out[m, vertices[held[m]]] = goals[m, held[m]]
 
         each(some, len(z))

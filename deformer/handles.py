@@ -13,7 +13,7 @@ from deformer.basis import HandleBasis
 from deformer.errors import InputError
 from deformer.mesh import FloatArray, IntArray
 from deformer.model import DeformationModel
-from deformer.objective import ArmHandles, HandleObjective
+from deformer.objective import CorrectedHandles, HandleObjective, Handles
 from deformer.parallel import one_blas_thread
 
 # Cold solves try this many of the training codes (spread over the latent space), descend from the
@@ -129,6 +129,8 @@ class HandleSolver:
         self._candidates = _spread(np.asarray(white, dtype=np.float64), _CANDIDATES)
         self._exact: IntArray = np.empty(0, dtype=np.int64)
         self._state: _State | None = None
+        # Whether it tells where the present handles lie.
+        self._located = False
         # The state whose gradients the surface holds.
         self._decoded: _State | None = None
         # What landmarks leave out of the derivative, and where that was measured.
@@ -179,14 +181,16 @@ class HandleSolver:
         begun = time.perf_counter()
         with one_blas_thread():
             if warm and self._state is not None:
-                state, steps = self._follow(self._state)
+                # Where new handles lie in the last solution is asked here, once for all of them.
+                last = self._state if self._located else self._evaluate(self._state.x)
+                state, steps = self._follow(last)
                 vertices = self._show(state)
             else:
                 self._surface.reset()
                 state, steps = self._search()
                 vertices = self._show_afresh(state)
             pose = self._pose(state, steps, vertices)
-        self._state = state
+        self._state, self._located = state, True
         return replace(pose, milliseconds=1000.0 * (time.perf_counter() - begun))
 
     def settle(self, frames: int = 8) -> Pose:
@@ -238,9 +242,10 @@ class HandleSolver:
     def _assign(self, handles: list[Handle]) -> None:
         """Take over the handles; Green rows of vertices that stay are kept."""
         self._handles = handles
-        vertices = sorted({handle.vertex for handle in handles})
-        if vertices != self.basis.vertices.tolist():
-            self._take_vertices(vertices)
+        wanted = list(dict.fromkeys(handle.vertex for handle in handles))
+        if set(wanted) != set(self.basis.vertices.tolist()):
+            self._take_vertices(_places(self.basis.vertices.tolist(), wanted))
+        vertices = self.basis.vertices.tolist()
         place = {v: n for n, v in enumerate(vertices)}
         weights = np.zeros(len(vertices))
         self._targets = np.zeros((len(vertices), 3))
@@ -265,9 +270,7 @@ class HandleSolver:
         """Green rows and landmark arms of the handle vertices; what is there already is kept."""
         self.basis.take(vertices)
         self._correction = self._corrected_at = self._asked = None
-        if self._state is not None:
-            p = self._surface.decode(self._objective.code(self._state.x))
-            self._state = self._decoded = replace(self._state, p=p)
+        self._located = False
 
     def _evaluate(self, x: FloatArray) -> _State:
         p = self._surface.decode(self._objective.code(x))
@@ -315,8 +318,8 @@ class HandleSolver:
         self, state: _State, limit: int, tolerance: float = 1e-5
     ) -> tuple[FloatArray, float, int]:
         """Descend from a state with handle positions by landmarks, exact at the state."""
-        objective, handles = self._objective, self.basis.by_landmarks()
-        handles.correction = self._correction
+        objective = self._objective
+        handles = CorrectedHandles(self.basis.by_landmarks(), self._correction)
         here = handles.pinned_at(objective.code(state.x), state.p)
         return objective.descend(handles, state.x, limit, tolerance, here)
 
@@ -344,7 +347,7 @@ class HandleSolver:
         state, self._correction, self._corrected_at = best
         return state, steps
 
-    def _starts(self, handles: ArmHandles) -> list[FloatArray]:
+    def _starts(self, handles: Handles) -> list[FloatArray]:
         """The prior's mean and the training codes that fit the handles best, rigidly placed."""
         objective = self._objective
         zero = np.zeros(objective.size)
@@ -457,3 +460,12 @@ def _spread(points: FloatArray, count: int) -> FloatArray:
         chosen.append(int(nearest.argmax()))
         nearest = np.minimum(nearest, np.linalg.norm(points - points[chosen[-1]], axis=1))
     return points[chosen]
+
+
+def _places(before: list[int], wanted: list[int]) -> list[int]:
+    """The wanted vertices, as many as possible of them where they were before."""
+    here = [v if v in set(wanted) else None for v in before[: len(wanted)]]
+    here += [None] * (len(wanted) - len(here))
+    stay = set(here)
+    rest = iter([v for v in wanted if v not in stay])
+    return [next(rest) if v is None else v for v in here]

@@ -33,9 +33,9 @@ _C1, _C2, _C3, _C4, _C5, _C6, _C7 = _C[1:]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True, inline="always")
-def _tanh(x):
-    """In place for numbers x (144,): tanh x from tanh(x/4) by doubling the argument twice."""
-    for n in range(144):
+def tanh_(x):
+    """In place for numbers x (n,): tanh x from tanh(x/4) by doubling the argument twice."""
+    for n in range(len(x)):
         y = _QUARTER * min(max(x[n], -_9), _9)
         u = y * y
         t = y * (_N0 + u * (_N1 + u * (_N2 + u * _N3)))
@@ -45,7 +45,7 @@ def _tanh(x):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _gradients(q, turn, at, T):
+def gradients(q, turn, at, T):
     """T (144,) = rotations turn[at:at + 64] times exp(r) S of features q (144,).
 
     The rotation vector is brought within half a turn, then becomes a quaternion.
@@ -84,6 +84,16 @@ def _gradients(q, turn, at, T):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def arms_by_block(start, stop, order, arm, scale, out):
+    """Blocks out (·, 48) of arms (V, 3) times scale; the last one is filled up with zeros."""
+    for B in range(start, stop):
+        for n in range(16):
+            i = 16 * B + n
+            for d in range(3):
+                out[B, 16 * d + n] = scale * arm[order[i], d] if i < len(order) else 0.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def emit(start, stop, q, frame, sums):
     """Turned gradients T (9 a vertex) of blocks with features q (·, 144).
 
@@ -93,16 +103,18 @@ def emit(start, stop, q, frame, sums):
     still, turn, arms, T = frame
     t = np.empty(144, dtype=np.float32)
     H = len(sums) // 48
+    # There may be room for more handles than there are.
+    stride = len(arms) // (len(turn) // 64)
     for B in range(start, stop):
-        _gradients(q[B - start], still, 0, t)
+        gradients(q[B - start], still, 0, t)
         for h in range(H):
-            o, g = 48 * (B * H + h), 48 * h
+            o, g = B * stride + 48 * h, 48 * h
             for n in range(16):
                 x, y, z = arms[o + n], arms[o + 16 + n], arms[o + 32 + n]
                 sums[g + n] += t[n] * x + t[16 + n] * y + t[32 + n] * z
                 sums[g + 16 + n] += t[48 + n] * x + t[64 + n] * y + t[80 + n] * z
                 sums[g + 32 + n] += t[96 + n] * x + t[112 + n] * y + t[128 + n] * z
-        _gradients(q[B - start], turn, 64 * B, t)
+        gradients(q[B - start], turn, 64 * B, t)
         for n in range(16):
             o = 144 * B + 9 * n
             T[o], T[o + 1], T[o + 2] = t[n], t[16 + n], t[32 + n]
@@ -111,7 +123,7 @@ def emit(start, stop, q, frame, sums):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _decode(start, stop, layer, q):
+def decode(start, stop, layer, q):
     """Features q (stop − start, 144) of blocks, q[B] = gain tanh(Σ_k z_k matrix_k + base) + offset.
 
     matrix[slices[B]:slices[B + 1]] holds block B for the listed components, in units of `scale`.
@@ -125,7 +137,7 @@ def _decode(start, stop, layer, q):
             row = matrix[e]
             for n in range(144):
                 x[n] += weight * np.float32(row[n])
-        _tanh(x)
+        tanh_(x)
         for n in range(144):
             x[n] = gain[n] * x[n] + offset[n]
 
@@ -136,7 +148,7 @@ def decode_and_emit(start, stop, layer, frame, sums):
     q = np.empty((32, 144), dtype=np.float32)
     for B in range(start, stop, len(q)):
         end = min(B + len(q), stop)
-        _decode(B, end, layer, q)
+        decode(B, end, layer, q)
         emit(B, end, q, frame, sums)
 
 

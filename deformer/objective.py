@@ -16,7 +16,6 @@ from deformer.differentials import (
     arm_jacobian,
     arm_positions,
     arm_sensitivities,
-    codes_to_positions,
 )
 from deformer.latent import LatentPrior
 from deformer.mesh import FloatArray
@@ -47,10 +46,7 @@ class Evaluation(Protocol):
 
 
 class ArmHandles:
-    """Handle positions Σ_i T_i(z) a_h,i + correction_h z + offset_h over a decoder's vertices.
-
-    Where the vertices are landmarks, offset (H, 3) and correction (H, 3, K) hold what they leave
-    out of the positions and of their derivative.
+    """Handle positions Σ_i T_i(z) a_h,i over a decoder's vertices.
 
     Args:
         decoder: of n vertices.
@@ -59,31 +55,14 @@ class ArmHandles:
     """
 
     def __init__(self, decoder: Decoder, arms: FloatArray, fast: bool = False) -> None:
-        """Begin without an offset."""
+        """Take the arms."""
         self.decoder, self.arms = decoder, arms
         self.fast = fast
         self.single_arms = arms.astype(np.float32)
-        self.correction: FloatArray | None = None
-        self.offset = np.zeros((len(arms), 3))
 
     def at(self, z: FloatArray) -> ArmEvaluation:
         """Positions, and their derivative if it is asked for."""
         return ArmEvaluation(self, z)
-
-    def positions_of(self, z: FloatArray) -> FloatArray:
-        """Positions (m, H, 3) of codes (m, K), without the offset."""
-        decoder = self.decoder
-        if not decoder.pointwise:
-            return np.array([arm_positions(decoder.features(row), self.arms) for row in z])
-        layer = decoder.matrix, decoder.base, decoder.gain, decoder.offset
-        return codes_to_positions(z, *layer, self.arms)
-
-    def pinned_at(self, z: FloatArray, p: FloatArray) -> ArmEvaluation:
-        """Choose the offset so that the positions at z are p (H, 3); the evaluation there."""
-        here = ArmEvaluation(self, z)
-        self.offset = self.offset + p - here.positions
-        here.positions = p
-        return here
 
 
 class ArmEvaluation:
@@ -94,22 +73,64 @@ class ArmEvaluation:
         self._handles, self._z = handles, z
         decoder = handles.decoder
         self._q = decoder.single_features(z) if handles.fast else decoder.features(z)
-        self.positions = arm_positions(self._q, handles.arms) + handles.offset
-        if handles.correction is not None:
-            self.positions += handles.correction @ z
+        self.positions = arm_positions(self._q, handles.arms)
 
     def derivative(self) -> FloatArray:
         """Derivative (H, 3, K) of the positions with respect to the code."""
         decoder, arms = self._handles.decoder, self._handles.arms
         if self._handles.fast and decoder.pointwise:
             slope = decoder.pointwise_slope(self._q)
-            J = arm_jacobian(self._q, slope, decoder.matrix, self._handles.single_arms)
-        else:
-            g = arm_sensitivities(self._q, arms)
-            J = decoder.pull_back(self._z, g.reshape(-1, *g.shape[2:]))
-            J = J.reshape(len(arms), 3, len(self._z))
-        correction = self._handles.correction
-        return J if correction is None else J + correction
+            return arm_jacobian(self._q, slope, decoder.matrix, self._handles.single_arms)
+        g = arm_sensitivities(self._q, arms)
+        J = decoder.pull_back(self._z, g.reshape(-1, *g.shape[2:]))
+        return J.reshape(len(arms), 3, len(self._z))
+
+
+class CorrectedHandles:
+    """Handle positions by landmarks, and what those leave out: p(z) + correction z + offset.
+
+    Args:
+        landmarks: positions p (H, 3) by landmarks alone.
+        correction: (H, 3, K), or None.
+    """
+
+    def __init__(self, landmarks: Handles, correction: FloatArray | None = None) -> None:
+        """Begin without an offset."""
+        self._landmarks, self._correction = landmarks, correction
+        self._offset: FloatArray | float = 0.0
+
+    def at(self, z: FloatArray) -> CorrectedEvaluation:
+        """Positions, and their derivative if it is asked for."""
+        return CorrectedEvaluation(self._landmarks.at(z), z, self._correction, self._offset)
+
+    def pinned_at(self, z: FloatArray, p: FloatArray) -> CorrectedEvaluation:
+        """Choose the offset so that the positions at z are p (H, 3); the evaluation there."""
+        here = self.at(z)
+        self._offset = self._offset + p - here.positions
+        here.positions = p
+        return here
+
+
+class CorrectedEvaluation:
+    """`CorrectedHandles` at one latent code."""
+
+    def __init__(
+        self,
+        here: Evaluation,
+        z: FloatArray,
+        correction: FloatArray | None,
+        offset: FloatArray | float,
+    ) -> None:
+        """Evaluate the positions (H, 3)."""
+        self._here, self._correction = here, correction
+        self.positions = here.positions + offset
+        if correction is not None:
+            self.positions += correction @ z
+
+    def derivative(self) -> FloatArray:
+        """Derivative (H, 3, K) of the positions with respect to the code."""
+        J = self._here.derivative()
+        return J if self._correction is None else J + self._correction
 
 
 @dataclass(frozen=True, eq=False)

@@ -121,6 +121,8 @@ class PoissonSystem:
         ground = sparse.coo_array(([stiffness], ([self.anchor], [self.anchor])), shape=(V, V))
         self.factor = SparseCholesky(self.laplacian + ground, v)
         self.centroid = v.mean(axis=0)
+        # Of the grounded system for 1/V everywhere, a part of every Green row.
+        self._level = self.back_substitute(np.full((V, 1), 1.0 / V))[:, 0]
 
     def back_substitute(self, b: ArrayLike) -> FloatArray:
         """Solution (V, m) of the grounded system for right-hand sides (V, m), not centred."""
@@ -161,14 +163,15 @@ class PoissonSystem:
     def green_rows(self, vertices: ArrayLike) -> FloatArray:
         """Green's functions (H, V): p_h = centroid + G_h · b(T) for the centred solution.
 
-        G_h solves L G = e_h − 1/V. One back-substitution for all of them.
+        G_h solves L G = e_h − 1/V. One back-substitution for all of them; that of the constant is
+        kept.
         """
         index = np.asarray(vertices, dtype=np.int64)
-        V = len(self.reference.vertices)
-        b = np.full((V, len(index)), -1.0 / V)
-        b[index, np.arange(len(index))] += 1.0
-        G = self.back_substitute(b)
-        return np.ascontiguousarray((G - G.mean(axis=0)).T)
+        b = np.zeros((len(self.reference.vertices), len(index)))
+        b[index, np.arange(len(index))] = 1.0
+        G = self.back_substitute(b).T - self._level
+        G -= G.mean(axis=1, keepdims=True)
+        return np.ascontiguousarray(G)
 
     def arms(self, green: FloatArray) -> FloatArray:
         """Arms (H, V, 3) of Green rows (H, V): G_h · b(T) = Σ_i T_i arm_h,i, without a solve."""

@@ -23,13 +23,15 @@ from deformer.handles import HandleSolver, check_handles
 from deformer.mesh import FloatArray, IntArray
 from deformer.model import DeformationModel
 from deformer.objective import HandleObjective
-from deformer.parallel import one_blas_thread
+from deformer.parallel import each, one_blas_thread
 from deformer.rotations import log_to_rotation, right_jacobian
 from deformer.torch_frames import TorchFrames
 from deformer.training import resolve_device
 
 # Every so many frames one is solved on its own, as a start for those around it.
 _KEY = 12
+# Frames whose Jacobians stay in a core's cache.
+_CACHED = 8
 # Frames solved for together, and frames looked ahead that are solved for again with the next ones.
 _WINDOW = 512
 _AHEAD = 32
@@ -308,20 +310,36 @@ class _Problem:
             P: (m, H, 3) handle positions.
             slope: (m, H, 3, K) their derivatives with respect to the code.
         """
+        n = self._active
+        A, gradient = np.empty((len(X), n, n)), np.empty((len(X), n))
+
+        def some(part: range) -> None:
+            for start in range(part.start, part.stop, _CACHED):
+                at = slice(start, min(start + _CACHED, part.stop))
+                frames = slice(window.start + at.start, window.start + at.stop)
+                A[at], gradient[at] = self._some_equations(frames, X[at], P[at], slope[at])
+
+        each(some, len(X))
+        return A, gradient
+
+    def _some_equations(
+        self, frames: slice, X: FloatArray, P: FloatArray, slope: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """`_normal_equations` of so few frames that all of it stays in the cache."""
         objective, n = self._objective, self._active
         omega = X[:, -6:-3]
         Q = log_to_rotation(omega)
         J = np.empty((*P.shape, objective.size))
-        J[..., :-6] = Q[:, None] @ (slope @ objective.factor)
+        np.matmul(Q[:, None], slope @ objective.factor, out=J[..., :-6])
         # ∂(exp(ω) p)/∂ω = −exp(ω) [p]× J_right(ω) = exp(ω) (J_right columns × p)
         columns = right_jacobian(omega).transpose(0, 2, 1)
         turned = np.cross(columns[:, None], P[:, :, None])
-        J[..., -6:-3] = np.einsum("mab,mhcb->mhac", Q, turned)
+        J[..., -6:-3] = Q[:, None] @ turned.transpose(0, 1, 3, 2)
         J[..., -3:] = objective.diagonal * np.eye(3)
-        J *= self._rows[window, :, None, None]
+        J *= self._rows[frames, :, None, None]
         J = J.reshape(len(X), -1, objective.size)[:, :, :n]
-        misfit = self._misfit(window, X, P).reshape(len(X), -1, 1)
-        stiffness = self._prior[window] * self._stiffness
+        misfit = self._misfit(frames, X, P).reshape(len(X), -1, 1)
+        stiffness = self._prior[frames] * self._stiffness
         gradient = (J.transpose(0, 2, 1) @ misfit)[..., 0] + stiffness * X[:, :n]
         A = J.transpose(0, 2, 1) @ J
         np.einsum("mii->mi", A)[:] += stiffness

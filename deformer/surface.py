@@ -8,7 +8,6 @@ kept by blocks of 16 vertices, 16 bit a number, without the components that do n
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
 from concurrent.futures import Future
 
 import numpy as np
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from deformer.decoder import Decoder
-from deformer.lanes import LANES, decode_and_emit, emit, local, move, place, rhs
+from deformer.lanes import LANES, arms_by_block, decode_and_emit, emit, local, move, place, rhs
 from deformer.mesh import FloatArray, IntArray
 from deformer.parallel import CORES, begin, finish, over_ranges, ranges, together
 from deformer.poisson import PoissonSystem
@@ -85,7 +84,8 @@ class Surface:
         self._still = np.repeat(np.array([1, 0, 0, 0], dtype=np.float32), LANES)
         self._turn = np.tile(self._still, self._blocks)
         self._relaxing: list[Future[None]] = []
-        self.take_handles([])
+        self._handles: IntArray = np.empty(0, dtype=np.int64)
+        self._arms = np.empty((self._blocks, 0, 3 * LANES), dtype=np.float32)
         self._exact: IntArray = np.empty(0, dtype=np.int64)
         self._green = np.empty((0, V), dtype=np.float32)
         self._exact_inverse = np.zeros((1, 1))
@@ -96,6 +96,7 @@ class Surface:
         other._T, other._x = self._T.copy(), self._x.copy()
         other._turn = np.tile(self._still, self._blocks)
         other._relaxing = []
+        other._exact, other._green = self._exact[:0], self._green[:0]
         return other
 
     def _pack(self, decoder: Decoder) -> None:
@@ -124,30 +125,37 @@ class Surface:
 
     def block_arms(self, arm: FloatArray) -> NDArray:
         """Arms (V, 3) of one handle, `PoissonSystem.arms`, as `take_handles` wants them."""
-        blocks = (arm[self._padded] / self._unit).astype(np.float32).reshape(-1, LANES, 3)
-        V = len(self._x)
-        blocks.reshape(-1, 3)[V:] = 0.0
-        return blocks.transpose(0, 2, 1).reshape(self._blocks, 3 * LANES)
+        blocks = np.empty((self._blocks, 3 * LANES), dtype=np.float32)
+        over_ranges(arms_by_block, self._blocks, self._factor.order, arm, 1.0 / self._unit, blocks)
+        return blocks
 
-    def take_handles(self, blocked: list[NDArray]) -> None:
-        """The handles whose positions `decode` is to tell, by `block_arms`."""
-        empty = np.empty((self._blocks, 0, 3 * LANES), dtype=np.float32)
-        self._arms = np.ascontiguousarray(np.stack(blocked, axis=1) if blocked else empty).ravel()
-        self._handle_count = len(blocked)
+    def take_handles(self, vertices: IntArray, blocked: list[NDArray]) -> None:
+        """The handles (H,) whose positions `decode` is to tell, by `block_arms`."""
+        self._arms = _with_room(self._arms, 1, len(vertices), len(self._handles))
+        for h in _changed(self._handles, vertices):
+            self._arms[:, h] = blocked[h]
+        self._handles = vertices
 
     def take_exact(self, vertices: IntArray, rows: list[NDArray]) -> None:
         """The vertices (H,) that `meet` holds, with their Green rows by `ordered`."""
-        if self._exact.tolist() == vertices.tolist():
+        changed = _changed(self._exact, vertices)
+        if not changed and len(vertices) == len(self._exact):
             return
+        self._green = _with_room(self._green, 0, len(vertices), len(self._exact))
+        for h in changed:
+            self._green[h] = rows[h]
         self._exact = vertices
-        self._green = np.array(rows, dtype=np.float32).reshape(len(rows), len(self._x))
-        self._exact_inverse = schur_inverse(
-            self._green[:, self._factor.place[vertices]].astype(np.float64)
-        )
+        block = self._green[: len(vertices), self._factor.place[vertices]]
+        self._exact_inverse = schur_inverse(block.astype(np.float64))
 
     def ordered(self, green: FloatArray) -> NDArray:
         """A Green row (V,) in the order of elimination, single precision."""
         return green[self._factor.order].astype(np.float32)
+
+    @property
+    def place(self) -> IntArray:
+        """Where each vertex (V,) stands in the order of elimination."""
+        return self._factor.place
 
     def reset(self) -> None:
         """Forget the rotations."""
@@ -161,8 +169,8 @@ class Surface:
         """
         self._wait()
         pieces = ranges(self._blocks, _SHARE)
-        sums = np.zeros((len(pieces), 48 * self._handle_count))
-        frame = self._still, self._turn, self._arms, self._T
+        sums = np.zeros((len(pieces), 48 * len(self._handles)))
+        frame = self._still, self._turn, self._arms.ravel(), self._T
         if self._decoder.pointwise:
             code = z.astype(np.float32)
             layer = self._slices, self._components, self._scale, self._matrix
@@ -176,15 +184,11 @@ class Surface:
             together(emit, calls)
         return self._unit * sums.sum(axis=0).reshape(-1, 3, LANES).sum(axis=2)
 
-    def sum_edges(self) -> None:
-        """Let the positions hold the right-hand side of the turned gradients."""
+    def solve(self) -> None:
+        """Positions from the turned gradients, up to a translation."""
         self._wait()
         mesh = self._indptr, self._rings, self._mesh_arms, self._own
         over_ranges(rhs, len(self._x), *mesh, self._T, self._x.ravel())
-
-    def solve(self) -> None:
-        """Positions from the turned gradients, up to a translation."""
-        self.sum_edges()
         self._factor.solve_in_order(self._x)
 
     def meet(self, targets: FloatArray) -> None:
@@ -228,7 +232,8 @@ class Surface:
     @property
     def bytes_of_a_frame(self) -> int:
         """Bytes that one frame cannot do without: matrix, arms, mesh, factor, result."""
-        arrays = [self._arms, self._green, self._rings, self._mesh_arms, self._own]
+        arrays = [self._arms[:, : len(self._handles)], self._green[: len(self._exact)]]
+        arrays += [self._rings, self._mesh_arms, self._own]
         arrays += [self._T, self._turn]
         if self._decoder.pointwise:
             arrays += [self._matrix, self._scale]
@@ -236,11 +241,18 @@ class Surface:
         return sum(a.nbytes for a in arrays) + self._factor.bytes_of_a_solve + out
 
 
-def solve_all(surfaces: Sequence[Surface]) -> None:
-    """`Surface.solve` for surfaces of one model, with one pass over the factor."""
-    for surface in surfaces:
-        surface.sum_edges()
-    columns = np.concatenate([surface._x for surface in surfaces], axis=1)
-    surfaces[0]._factor.solve_in_order(columns)
-    for surface, part in zip(surfaces, np.hsplit(columns, len(surfaces)), strict=True):
-        surface._x[:] = part
+def _changed(before: IntArray, now: IntArray) -> list[int]:
+    """Places whose vertex is another than before."""
+    return [h for h, v in enumerate(now.tolist()) if h >= len(before) or before[h] != v]
+
+
+def _with_room(array: NDArray, axis: int, count: int, used: int) -> NDArray:
+    """The array itself, or a larger one with its first `used` entries, if `count` do not fit."""
+    if array.shape[axis] >= count:
+        return array
+    shape = list(array.shape)
+    shape[axis] = max(count, 2 * array.shape[axis])
+    larger = np.empty(shape, dtype=array.dtype)
+    kept = (slice(None),) * axis + (slice(used),)
+    larger[kept] = array[kept]
+    return larger

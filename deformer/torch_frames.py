@@ -42,9 +42,8 @@ class TorchFrames:
         V = len(model.reference.vertices)
         self._unit = model.reference.bounding_diagonal
         self._all = _Decoder(model.decoder, self._device)
-        handles = basis.by_landmarks()
-        self._landmarks = _Decoder(handles.decoder, self._device)
-        self._landmark_arms = self._tensor(handles.arms)
+        self._landmarks = _Decoder(basis.landmark_decoder, self._device)
+        self._landmark_arms = self._tensor(basis.landmark_arms)
         arms = model.poisson.arms(basis.green(basis.vertices))
         self._arms = self._tensor(arms.reshape(len(arms), 3 * V))
         system = model.poisson

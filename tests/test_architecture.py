@@ -18,7 +18,7 @@ ORDER = [
     "geodesics", "rotations", "metrics",
     "rotation_field", "dissection", "cholesky", "features", "differentials", "poisson",
     "autoencoder", "decoder", "losses", "training", "latent", "model", "learning",
-    "lanes", "surface", "landmarks", "objective", "basis", "handles",
+    "lanes", "packed", "surface", "landmarks", "objective", "basis", "handles",
     "frames", "torch_frames", "sequence", "baselines", "evaluation",
 ]  # fmt: skip
 RANK = {name: index for index, name in enumerate(ORDER)}

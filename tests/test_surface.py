@@ -95,7 +95,7 @@ def test_decoded_gradients_and_positions(name):
     surface = Surface(Given(q), system)
     vertices = np.array([1, V // 2, V - 1])
     arms = system.arms(system.green_rows(vertices))
-    surface.take_handles([surface.block_arms(arm) for arm in arms])
+    surface.take_handles(vertices, [surface.block_arms(arm) for arm in arms])
     T = features_to_gradients(q)
     found = surface.decode(np.zeros(2))
     np.testing.assert_allclose(

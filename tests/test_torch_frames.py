@@ -44,8 +44,8 @@ class Case:
 
     def landmark_positions(self, z):
         """By formula, in double precision."""
-        handles = self.basis.by_landmarks()
-        return np.array([arm_positions(handles.decoder.features(row), handles.arms) for row in z])
+        features = self.basis.landmark_decoder.features
+        return np.array([arm_positions(features(row), self.basis.landmark_arms) for row in z])
 
 
 @pytest.fixture(scope="module", params=["all are landmarks", "fewer landmarks"])
