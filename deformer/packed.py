@@ -10,7 +10,6 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from deformer.decoder import Decoder
 from deformer.lanes import LANES, decode, gradients

@@ -101,6 +101,9 @@ def each(function: Callable[[range], None], count: int) -> None:
 
     Unlike a kernel the function may use the kernels itself: within it they run on one thread.
     """
+    if count == 1:
+        function(range(1))
+        return
     parts = max(1, min(CORES, count))
     bounds = [count * part // parts for part in range(parts + 1)]
     list(_outer_pool().map(function, [range(a, b) for a, b in pairwise(bounds)]))

@@ -184,11 +184,15 @@ class Surface:
             together(emit, calls)
         return self._unit * sums.sum(axis=0).reshape(-1, 3, LANES).sum(axis=2)
 
-    def solve(self) -> None:
-        """Positions from the turned gradients, up to a translation."""
+    def sum_edges(self) -> None:
+        """Let the positions hold the right-hand side of the turned gradients."""
         self._wait()
         mesh = self._indptr, self._rings, self._mesh_arms, self._own
         over_ranges(rhs, len(self._x), *mesh, self._T, self._x.ravel())
+
+    def solve(self) -> None:
+        """Positions from the turned gradients, up to a translation."""
+        self.sum_edges()
         self._factor.solve_in_order(self._x)
 
     def meet(self, targets: FloatArray) -> None:
