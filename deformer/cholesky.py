@@ -67,10 +67,10 @@ def _factor(indptr, indices, data, order, place, starts, bounds, rows, parent):
         block = blocks[slices[s] : slices[s + 1]].reshape(w + m, w)
         block[:w] = X.T @ X
         if m:
-            B = np.ascontiguousarray(front[w:, :w])
-            BF = B @ np.ascontiguousarray(block[:w])
-            block[w:] = -BF
-            updates[s] = front[w:, w:] - BF @ B.T
+            # By way of L⁻¹, not F⁻¹: what is taken off never exceeds what is there, by rounding.
+            Y = np.ascontiguousarray(front[w:, :w]) @ X.T
+            block[w:] = -(Y @ X)
+            updates[s] = front[w:, w:] - Y @ Y.T
             following[s] = head[parent[s]]
             head[parent[s]] = s
     return slices, blocks

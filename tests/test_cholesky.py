@@ -185,3 +185,20 @@ def test_bytes_of_a_solve():
     starts, bounds, _ = found._plan
     w, m = np.diff(starts), np.diff(bounds)
     assert found.bytes_of_a_solve == 4 * (w * (w + 2 * m)).sum()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_nearly_singular_matrices(seed):
+    """Grams of fewer vectors than rows, definite by a ridge alone: rounding must not undo it."""
+    mesh = icosphere(3)
+    rng = np.random.default_rng(seed)
+    n = len(mesh.vertices)
+    some = rng.choice(n, n // 2, replace=False)
+    M = weighted_laplacian(mesh, 2, rng)[some]
+    gram = M.T @ M
+    gram = gram + 1e-10 * gram.diagonal().mean() * sparse.eye_array(n)
+    b = gram @ rng.normal(size=(n, 1))
+    found = SparseCholesky(gram, mesh.vertices).solve(b)
+    assert np.abs(M @ found - M @ np.linalg.lstsq(gram.toarray(), b)[0]).max() < 1e-3 * np.abs(
+        M @ found
+    ).max()
