@@ -11,7 +11,7 @@ from deformer.basis import HandleBasis
 from deformer.mesh import FloatArray
 from deformer.parallel import each
 
-# Fixed-point steps of the local rotation fits: in the first round and in later ones.
+# Steps of the local rotation fits: in the first round and in later ones.
 FIRST_TURNS = 8
 TURNS = 2
 

@@ -31,7 +31,7 @@ _SURPRISE = 0.05
 _FINAL_STEPS = 40
 _FINAL_TOLERANCE = 1e-8
 _REFINEMENTS = 10
-# Fixed-point steps of the local rotation fits: in a frame of a drag, which goes on from the frame
+# Steps of the local rotation fits: in a frame of a drag, which goes on from the frame
 # before; in the first round of a cold solve, and in its later ones.
 _FRAME_TURNS = 1
 _FIRST_TURNS = 60

@@ -17,6 +17,10 @@ LANES = 16
 # Constants as single precision: a double one would turn whole loops into double precision.
 _0, _1, _2, _HALF, _QUARTER = (np.float32(x) for x in (0, 1, 2, 0.5, 0.25))
 _9, _TINY = np.float32(9), np.float32(1e-30)
+# Of Newton steps of rotations, against their scale: what single precision cannot tell from zero.
+DAMPING = np.float32(1e-5)
+# Tangent of half the largest angle of one such step.
+FARTHEST = np.float32(0.6)
 _TURN = np.float32(2 * math.pi)
 _PER_TURN = np.float32(0.5 / math.pi)
 # Local steps go this much further than their optimum, as over-relaxation does: rounds of local and
@@ -171,11 +175,13 @@ def rhs(start, stop, indptr, rings, arms, own, T, b):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _fit_step(A, D):
+def fit_step(A, D):
     """One step of quaternions D (64,) towards the rotations closest to A (144,).
 
-    The fixed-point iteration of Müller et al. (A Robust Method to Extract the Rotational Part of
-    Deformations, 2016) needs no decomposition and holds for flat rings, whose A is singular.
+    Newton's, (tr M − M) ω = axial M with the symmetric part of M = R Aᵀ, and where that is not
+    definite, far from the maximum, the fixed-point iteration of Müller et al. (A Robust Method to
+    Extract the Rotational Part of Deformations, 2016). Neither needs a decomposition, and both
+    hold for flat rings, whose A is singular.
     """
     for n in range(16):
         a, b, c, d = D[n], D[16 + n], D[32 + n], D[48 + n]
@@ -187,14 +193,33 @@ def _fit_step(A, D):
         A00, A01, A02 = A[n], A[16 + n], A[32 + n]
         A10, A11, A12 = A[48 + n], A[64 + n], A[80 + n]
         A20, A21, A22 = A[96 + n], A[112 + n], A[128 + n]
-        trace = R00 * A00 + R01 * A01 + R02 * A02 + R10 * A10 + R11 * A11
-        trace += R12 * A12 + R20 * A20 + R21 * A21 + R22 * A22
-        x = R10 * A20 - R20 * A10 + R11 * A21 - R21 * A11 + R12 * A22 - R22 * A12
-        y = R20 * A00 - R00 * A20 + R21 * A01 - R01 * A21 + R22 * A02 - R02 * A22
-        z = R00 * A10 - R10 * A00 + R01 * A11 - R11 * A01 + R02 * A12 - R12 * A02
+        M00 = R00 * A00 + R01 * A01 + R02 * A02
+        M11 = R10 * A10 + R11 * A11 + R12 * A12
+        M22 = R20 * A20 + R21 * A21 + R22 * A22
+        M01, M10 = R00 * A10 + R01 * A11 + R02 * A12, R10 * A00 + R11 * A01 + R12 * A02
+        M02, M20 = R00 * A20 + R01 * A21 + R02 * A22, R20 * A00 + R21 * A01 + R22 * A02
+        M12, M21 = R10 * A20 + R11 * A21 + R12 * A22, R20 * A10 + R21 * A11 + R22 * A12
+        u, v, w = M12 - M21, M20 - M02, M01 - M10
         # A near-zero trace (a ring turned by 90° or collapsed) must not spin wildly.
-        half = _HALF / (max(abs(trace), math.sqrt(x * x + y * y + z * z)) + _TINY)
-        x, y, z = half * x, half * y, half * z
+        scale = max(abs(M00 + M11 + M22), math.sqrt(u * u + v * v + w * w)) + _TINY
+        scale = _1 / scale
+        u, v, w = scale * u, scale * v, scale * w
+        xx, yy = scale * (M11 + M22) + DAMPING, scale * (M00 + M22) + DAMPING
+        zz = scale * (M00 + M11) + DAMPING
+        xy, xz = -_HALF * scale * (M01 + M10), -_HALF * scale * (M02 + M20)
+        yz = -_HALF * scale * (M12 + M21)
+        # By the adjugate; its minors tell whether the matrix is definite.
+        c00, c01, c02 = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+        c11, c12, c22 = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+        det = xx * c00 + xy * c01 + xz * c02
+        newton = xx > _0 and c22 > _0 and det > DAMPING * DAMPING
+        f = _HALF / det if newton else _HALF
+        x = f * (c00 * u + c01 * v + c02 * w) if newton else f * u
+        y = f * (c01 * u + c11 * v + c12 * w) if newton else f * v
+        z = f * (c02 * u + c12 * v + c22 * w) if newton else f * w
+        # Not further than the quadratic model can be trusted.
+        f = min(_1, FARTHEST / math.sqrt(x * x + y * y + z * z + _TINY))
+        x, y, z = f * x, f * y, f * z
         e, f = a - x * b - y * c - z * d, b + x * a + y * d - z * c
         g, h = c - x * d + y * a + z * b, d + x * c - y * b + z * a
         scale = _1 / math.sqrt(e * e + f * f + g * g + h * h)
@@ -293,7 +318,7 @@ def local(start, stop, indptr, rings, arms, p, T, turn, steps):
         D[:] = _0
         D[:16] = _1
         for _ in range(steps):
-            _fit_step(A, D)
+            fit_step(A, D)
         q[:] = turn[64 * block : 64 * block + 64]
         _follow(D, q)
         turn[64 * block : 64 * block + 64] = q

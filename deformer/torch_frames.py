@@ -17,7 +17,7 @@ from deformer.decoder import Decoder
 from deformer.errors import InputError
 from deformer.features import STRETCH_COLUMNS, STRETCH_ROWS
 from deformer.frames import FIRST_TURNS, TURNS, Boolean
-from deformer.lanes import FURTHER
+from deformer.lanes import DAMPING, FARTHEST, FURTHER
 from deformer.mesh import FloatArray
 from deformer.surface import schur_inverse
 from deformer.training import resolve_device
@@ -149,18 +149,7 @@ class TorchFrames:
         D = torch.zeros((*T.shape[:2], 4), device=T.device)
         D[..., 0] = 1.0
         for _ in range(steps):
-            RA = A @ _matrices(D).transpose(2, 3)
-            trace = RA.diagonal(dim1=2, dim2=3).sum(-1)
-            w = torch.stack(
-                [
-                    RA[..., 2, 1] - RA[..., 1, 2],
-                    RA[..., 0, 2] - RA[..., 2, 0],
-                    RA[..., 1, 0] - RA[..., 0, 1],
-                ],
-                -1,
-            )
-            turn = torch.maximum(trace.abs(), w.norm(dim=-1)) + 1e-30
-            half = torch.cat([torch.ones_like(trace)[..., None], 0.5 * w / turn[..., None]], -1)
+            half = _rotation_step(A @ _matrices(D).transpose(2, 3))
             D = torch.nn.functional.normalize(_product(half, D), dim=-1)
         D = D * torch.tensor([1.0, FURTHER, FURTHER, FURTHER], device=D.device)
         return _matrices(torch.nn.functional.normalize(D, dim=-1)) @ T
@@ -247,6 +236,27 @@ def _product(a: Tensor, b: Tensor) -> Tensor:
     w, v, x, u = a[..., :1], a[..., 1:], b[..., :1], b[..., 1:]
     scalar = w * x - (v * u).sum(-1, keepdim=True)
     return torch.cat([scalar, w * u + x * v + torch.linalg.cross(v, u)], -1)
+
+
+def _rotation_step(B: Tensor) -> Tensor:
+    """Quaternions (…, 4), not of unit length, of a step of `lanes.fit_step`; B = A Rᵀ."""
+    trace = B.diagonal(dim1=-2, dim2=-1).sum(-1)[..., None]
+    axial = torch.stack(
+        [B[..., 2, 1] - B[..., 1, 2], B[..., 0, 2] - B[..., 2, 0], B[..., 1, 0] - B[..., 0, 1]], -1
+    )
+    scale = torch.maximum(trace.abs(), axial.norm(dim=-1, keepdim=True)) + 1e-30
+    axial, eye = axial / scale, torch.eye(3, device=B.device)
+    symmetric = 0.5 * (B + B.transpose(-1, -2))
+    hessian = (trace[..., None] * eye - symmetric) / scale[..., None] + DAMPING * eye
+    x, y, z = hessian.unbind(-2)
+    cross = torch.linalg.cross
+    adjugate = torch.stack([cross(y, z), cross(z, x), cross(x, y)], -2)
+    det = (x * adjugate[..., 0, :]).sum(-1, keepdim=True)
+    definite = (x[..., :1] > 0) & (adjugate[..., 2, 2:] > 0) & (det > DAMPING**2)
+    newton = (adjugate @ axial[..., None])[..., 0] / torch.where(definite, det, 1.0)
+    half = 0.5 * torch.where(definite, newton, axial)
+    half = half * (FARTHEST / (half.norm(dim=-1, keepdim=True) + 1e-15)).clamp(max=1.0)
+    return torch.cat([torch.ones_like(trace), half], -1)
 
 
 def _exponential(r: Tensor) -> tuple[Tensor, Tensor]:

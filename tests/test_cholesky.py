@@ -199,6 +199,7 @@ def test_nearly_singular_matrices(seed):
     gram = gram + 1e-10 * gram.diagonal().mean() * sparse.eye_array(n)
     b = gram @ rng.normal(size=(n, 1))
     found = SparseCholesky(gram, mesh.vertices).solve(b)
-    assert np.abs(M @ found - M @ np.linalg.lstsq(gram.toarray(), b)[0]).max() < 1e-3 * np.abs(
-        M @ found
-    ).max()
+    assert (
+        np.abs(M @ found - M @ np.linalg.lstsq(gram.toarray(), b)[0]).max()
+        < 1e-3 * np.abs(M @ found).max()
+    )

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from deformer.features import FeatureExtractor, features_to_gradients
+from deformer.lanes import fit_step
 from deformer.mesh import Mesh, MeshSequence
 from deformer.poisson import PoissonSystem
-from deformer.rotations import polar
+from deformer.rotations import log_to_rotation, polar
 from deformer.surface import Surface, schur_inverse
 from shapes import MESHES, bend, icosphere, random_rotation
 
@@ -238,3 +240,21 @@ def test_impossible_targets_stay_finite(name, kind):
     found = relax(surface, targets, 5)
     assert np.isfinite(found).all()
     assert largest(found[vertices] - targets) < 1e-4 * max(1.0, np.abs(targets).max())
+
+
+@pytest.mark.parametrize("shape", [(1, 0.7, 0.4), (1, 0.01, 0.005), (1, 0.8, 0)])
+def test_a_few_steps_reach_the_closest_rotation(shape):
+    """Also for needles and flat rings, whose second and third singular values are small."""
+    rng = np.random.default_rng(3)
+    U = np.linalg.qr(rng.normal(size=(16, 3, 3)))[0]
+    U *= np.linalg.det(U)[:, None, None]
+    axis = rng.normal(size=(16, 3))
+    R = log_to_rotation(0.4 * axis / np.linalg.norm(axis, axis=1, keepdims=True))
+    A = R @ np.einsum("nab,b,ncb->nac", U, shape, U)
+    quaternions = np.repeat([1.0, 0, 0, 0], 16).astype(np.float32)
+    lanes = A.transpose(1, 2, 0).ravel().astype(np.float32)
+    for _ in range(5):
+        fit_step(lanes, quaternions)
+    w, x, y, z = quaternions.reshape(4, 16)
+    found = Rotation.from_quat(np.column_stack([x, y, z, w])).as_matrix()
+    np.testing.assert_allclose(found, R, atol=2e-3 if shape[1] < 0.1 else 1e-5)
