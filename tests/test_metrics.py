@@ -101,7 +101,9 @@ def test_temporal_sted_by_hand():
     assert found.value == pytest.approx(found.temporal)
     # Faster by the same factor in every step is no deviation.
     steady = TRIANGLE + np.arange(4)[:, None, None] * [0, 0, 1.0]
-    assert sted(steady, 1.0 * steady * [1, 1, 2], [[0, 1, 2]]).temporal == pytest.approx(0, abs=1e-9)
+    assert sted(steady, 1.0 * steady * [1, 1, 2], [[0, 1, 2]]).temporal == pytest.approx(
+        0, abs=1e-9
+    )
 
 
 def test_temporal_sted_looks_at_windows():

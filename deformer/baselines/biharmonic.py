@@ -56,4 +56,6 @@ def _vertex_areas(mesh: Mesh) -> FloatArray:
     """A third of the area (V,) of the triangles about each vertex."""
     a, b, c = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
-    return np.bincount(mesh.faces.ravel(), np.repeat(area, 3), len(mesh.vertices))
+    total = np.zeros(len(mesh.vertices))
+    np.add.at(total, mesh.faces, area[:, None])
+    return total
