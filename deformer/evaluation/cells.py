@@ -59,7 +59,7 @@ def _run(job: Job, folder: Path) -> Iterator[tuple[str, list[Row]]]:
             training.components,
             training.number,
             training.setting,
-            folder / "models" / training.key,
+            folder / "models" / training.network if training.network else None,
         )
     # What a method may raise is its own affair: the failure is a row, and the run goes on.
     except Exception as error:

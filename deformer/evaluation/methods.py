@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from shutil import rmtree
@@ -20,9 +21,6 @@ from deformer.learning import train
 from deformer.mesh import FloatArray, MeshSequence
 from deformer.model import DeformationModel, load_model
 from deformer.training import has_checkpoint
-
-# The project's own networks, by name, and the configuration of each.
-NETWORKS = {"autoencoder": "default", "autoencoder-paper": "paper"}
 
 
 @dataclass(frozen=True)
@@ -95,6 +93,28 @@ class Network:
         return self._solver.solve().vertices
 
 
+@dataclass(frozen=True)
+class NetworkMethod:
+    """A method that stands on one of the project's networks.
+
+    Args:
+        config: the network's configuration; methods of one configuration share the network.
+        of: makes the method from the trained model.
+        learns: whether it has to see the training shapes again.
+    """
+
+    config: str
+    of: Callable[[DeformationModel], Poser]
+    learns: bool = False
+
+
+# By name, in the order of tables, before the methods of `deformer.baselines`.
+NETWORKS = {
+    "autoencoder": NetworkMethod("default", Network),
+    "autoencoder-paper": NetworkMethod("paper", Network),
+}
+
+
 def known_methods() -> tuple[str, ...]:
     """Names that can be compared, in the order of tables."""
     return (*NETWORKS, *METHODS)
@@ -111,7 +131,7 @@ def trained(
     components: int,
     seed: int,
     setting: Setting,
-    cache: Path,
+    cache: Path | None,
 ) -> tuple[Poser, float]:
     """A trained method, and the seconds that its training took.
 
@@ -121,28 +141,33 @@ def trained(
         components: K.
         seed: of the training.
         setting: of a network.
-        cache: where a network is kept. Its model is taken from there, or training goes on from a
-            checkpoint beside it. Other methods are quick to train and are not kept.
+        cache: where a network is kept: its model is taken from there, or training goes on from a
+            checkpoint beside it. None for other methods, which are learned anew.
 
     Raises:
         KeyboardInterrupt: training was interrupted; the checkpoint is saved.
     """
     if setting.model is not None:
         model = load_model(setting.model)
-        return Network(model), float(model.summary.get("seconds", 0.0))
+        return Network(model), float(model.summary["seconds"])
     begun = time.perf_counter()
-    if method not in NETWORKS:
+    if cache is None:
         return METHODS[method]().fit(shapes, components, seed), time.perf_counter() - begun
+    entry, before = NETWORKS[method], 0.0
     if (cache / "model.json").is_file():
         model = load_model(cache)
-        return Network(model), float(model.summary["seconds"])
-    model = _train_network(method, shapes, components, seed, setting, cache)
-    seconds = max(time.perf_counter() - begun, float(model.summary["seconds"]))
-    return Network(model), seconds
+        before = float(model.summary["seconds"])
+    else:
+        model = _train_network(entry.config, shapes, components, seed, setting, cache)
+        before = max(0.0, float(model.summary["seconds"]) - (time.perf_counter() - begun))
+    poser = entry.of(model)
+    if entry.learns:
+        poser = poser.fit(shapes, components, seed)
+    return poser, before + time.perf_counter() - begun
 
 
 def _train_network(
-    method: str,
+    config: str,
     shapes: MeshSequence,
     components: int,
     seed: int,
@@ -150,12 +175,11 @@ def _train_network(
     cache: Path,
 ) -> DeformationModel:
     sparsity, range_weight = setting.lambdas or (None, None)
-    config = resolve_config(NETWORKS[method], sparsity=sparsity, range_weight=range_weight)
     checkpoint = cache.with_name(cache.name + ".checkpoint")
     model = train(
         shapes,
         components,
-        config=config,
+        config=resolve_config(config, sparsity=sparsity, range_weight=range_weight),
         epochs=setting.epochs,
         seed=seed,
         # The same numbers on every machine that goes on with a run.

@@ -26,8 +26,8 @@ PROTOCOLS: tuple[Protocol, ...] = (
 )
 Kind = Literal["training", "reconstruction", "rotation", "sparse_control", "example"]
 
-# The paper's settings of (λ₁, λ₂), the method that they are tried on, and its own setting.
-LAMBDAS = ((0.4, 0.4), (0.6, 0.6), (0.4, 0.6), (0.6, 0.4), (0.5, 0.5))
+# The paper's other settings of (λ₁, λ₂) beside (0.5, 0.5), and the method that they are tried on.
+LAMBDAS = ((0.4, 0.4), (0.6, 0.6), (0.4, 0.6), (0.6, 0.4))
 LAMBDA_METHOD = "autoencoder-paper"
 NOISE = (0.005, 0.01, 0.02)
 # Control points of the pictures.
@@ -121,15 +121,28 @@ class Training:
     @property
     def key(self) -> str:
         """Decides the trained method."""
-        return _digest(
-            source=[self.source.fingerprint, self.source.align],
-            train=self.split.train,
-            method=self.method,
-            components=self.components,
-            seed=self.number,
-            noise=self.noise,
-            setting=asdict(self.setting),
-        )
+        return _digest(method=self.method, **self._material())
+
+    @property
+    def network(self) -> str | None:
+        """Decides the network that the method stands on; None if it stands on none to be trained.
+
+        Methods can share one, and no two may train it at a time.
+        """
+        if self.method not in NETWORKS:
+            return None
+        return _digest(config=NETWORKS[self.method].config, **self._material())
+
+    def _material(self) -> dict[str, Any]:
+        """What is trained on, and how, as plain values."""
+        return {
+            "source": [self.source.fingerprint, self.source.align],
+            "train": self.split.train,
+            "components": self.components,
+            "seed": self.number,
+            "noise": self.noise,
+            "setting": asdict(self.setting),
+        }
 
     @property
     def label(self) -> str:
@@ -239,6 +252,7 @@ def _of_method(study: Study, base: Training, test: tuple[int, ...]) -> list[tupl
                     control(noisy)
                 control(base, noise)
         elif protocol == "sensitivity" and base.method == LAMBDA_METHOD:
+            add(base, "reconstruction", K)
             for lambdas in LAMBDAS:
                 tried = replace(base, setting=replace(base.setting, lambdas=lambdas))
                 add(tried, "reconstruction", K)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from multiprocessing import connection, get_context
@@ -77,70 +76,67 @@ def _here(jobs: list[Job], folder: Path, _: int) -> _Results:
 
 @dataclass
 class _Worker:
-    """A process, this end of the pipe to it, its job, and the cells that are still to come."""
+    """A process, this end of the pipe to it, and its job with the cells that are still to come."""
 
     process: BaseProcess
     pipe: Connection
     job: Job
 
-    def assign(self, job: Job) -> None:
-        self.job = job
-        self.pipe.send(job)
-
 
 def _in_processes(jobs: list[Job], folder: Path, processes: int) -> _Results:
     """Results of jobs in the order in which they come; a worker that dies costs its job alone."""
-    waiting, workers = deque(jobs), list[_Worker]()
+    waiting, busy, idle = list(jobs), list[_Worker](), list[_Worker]()
     try:
-        for _ in range(min(processes, len(jobs))):
-            workers.append(_start(waiting.popleft(), folder))
-        while workers:
-            for pipe in connection.wait([worker.pipe for worker in workers]):
-                worker = next(worker for worker in workers if worker.pipe is pipe)
-                label = worker.job.training.label
+        while True:
+            while len(busy) < processes and (job := _next(waiting, busy)):
+                waiting.remove(job)
+                worker = idle.pop() if idle else _start(folder, job)
+                worker.job = job
+                worker.pipe.send(job)
+                busy.append(worker)
+            if not busy:
+                return
+            for pipe in connection.wait([worker.pipe for worker in busy]):
+                worker = next(worker for worker in busy if worker.pipe is pipe)
+                training = worker.job.training
                 try:
                     key, rows = worker.pipe.recv()
-                except EOFError:
+                except (EOFError, ConnectionResetError):
+                    busy.remove(worker)
                     worker.process.join()
-                    status = worker.process.exitcode
-                    reason = f"the process died with status {status}; out of memory?"
+                    reason = f"the process ended with {worker.process.exitcode}; out of memory?"
                     for key, rows in failed(worker.job, reason):
-                        yield label, key, rows
-                    workers.remove(worker)
-                    if waiting:
-                        workers.append(_start(waiting.popleft(), folder))
+                        yield training.label, key, rows
                     continue
-                if key is not None:
-                    left = [c for c in worker.job.cells if c.key(worker.job.training) != key]
-                    worker.job = replace(worker.job, cells=tuple(left))
-                    yield label, key, rows
-                elif waiting:
-                    worker.assign(waiting.popleft())
-                else:
-                    _stop(worker)
-                    workers.remove(worker)
+                if key is None:
+                    busy.remove(worker)
+                    idle.append(worker)
+                    continue
+                left = tuple(cell for cell in worker.job.cells if cell.key(training) != key)
+                worker.job = replace(worker.job, cells=left)
+                yield training.label, key, rows
     finally:
-        for worker in workers:
-            _stop(worker)
+        for worker in (*busy, *idle):
+            # What a worker writes it writes at once or not at all: it can be ended anywhere.
+            worker.pipe.close()
+            worker.process.terminate()
+            worker.process.join()
 
 
-def _start(job: Job, folder: Path) -> _Worker:
+def _next(waiting: list[Job], busy: list[_Worker]) -> Job | None:
+    """The first job whose network is not being trained by another."""
+    taken = {worker.job.training.network for worker in busy} - {None}
+    return next((job for job in waiting if job.training.network not in taken), None)
+
+
+def _start(folder: Path, job: Job) -> _Worker:
     # Not forked: the threads of PyTorch and numba do not survive that.
     context = get_context("spawn")
     here, there = context.Pipe()
     process = context.Process(target=_work, args=(there, folder), daemon=True)
     process.start()
     there.close()
-    worker = _Worker(process, here, job)
-    worker.assign(job)
-    return worker
-
-
-def _stop(worker: _Worker) -> None:
-    # What a worker writes it writes at once or not at all: it can be ended anywhere.
-    worker.pipe.close()
-    worker.process.terminate()
-    worker.process.join()
+    return _Worker(process, here, job)
 
 
 def _work(pipe: Connection, folder: Path) -> None:
