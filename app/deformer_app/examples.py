@@ -11,7 +11,7 @@ from PIL import Image
 from deformer import load_mesh
 from deformer.metrics import vertex_errors
 from deformer_app.camera import aim
-from deformer_app.pictures import Layer, contact_sheet, render
+from deformer_app.pictures import BACKGROUND, Layer, contact_sheet, draw_bar, render
 
 _SIZE = (300, 340)
 
@@ -40,18 +40,15 @@ def sheet(folder: Path, what: str, methods: list[str], up: str) -> bytes | None:
     # A method that went far astray shall not take the colours from all others.
     limit = float(np.median([np.percentile(e, 99) for e in errors.values()])) * 1.5 or 1.0
     camera = aim(truth.vertices, up=up, aspect=_SIZE[0] / _SIZE[1], margin=0.14)
-    blank = np.full((_SIZE[1], _SIZE[0], 3), 243, dtype=np.uint8)
     above = [render(truth, camera, _SIZE), *(render(m, camera, _SIZE) for m in shapes.values())]
-    below = [
-        render(
-            Layer(mesh, scalars=errors[method], limits=(0.0, limit), title="distance"),
-            camera,
-            _SIZE,
-        )
+    maps = [
+        Layer(mesh, scalars=errors[method], limits=(0.0, limit), title="distance", bar=False)
         for method, mesh in shapes.items()
     ]
+    empty = np.asarray(Image.new("RGB", _SIZE, BACKGROUND))
+    below = [draw_bar(empty, maps[0]), *(render(layer, camera, _SIZE) for layer in maps)]
     titles = ["true shape", *shapes, "", *("" for _ in shapes)]
-    image = contact_sheet([*above, blank, *below], 1 + len(shapes), titles, gap=4)
+    image = contact_sheet([*above, *below], 1 + len(shapes), titles, gap=4)
     buffer = io.BytesIO()
     Image.fromarray(image).save(buffer, format="WEBP", quality=88)
     return buffer.getvalue()

@@ -68,7 +68,8 @@ def _run(job: Job, folder: Path) -> Iterator[tuple[str, list[Row]]]:
     benches: dict[tuple[int, ...], _Bench] = {}
     for cell in job.cells:
         if cell.kind == "training":
-            rows = [_row(training, cell, "training", cell.count, "seconds", seconds)]
+            name = cell.protocol(training)
+            rows = [_row(training, cell, name, cell.count, "seconds", seconds)]
         else:
             if cell.test not in benches:
                 benches[cell.test] = _Bench(training, cell.test, method, folder)

@@ -181,9 +181,10 @@ class Cell:
 
     def protocol(self, training: Training) -> str:
         """Name in rows, without what a cell adds to tell its own passes apart."""
-        if training.setting.lambdas:
-            return "sensitivity({:g},{:g})".format(*training.setting.lambdas)
         name: str = self.kind
+        if training.setting.lambdas:
+            tried = "sensitivity({:g},{:g})".format(*training.setting.lambdas)
+            return tried if name == "reconstruction" else f"{tried}/{name}"
         if self.noise:
             name = f"noisy_control({self.noise:g})/{name}"
         return f"noise({training.noise:g})/{name}" if training.noise else name

@@ -24,7 +24,7 @@ QUICK: dict[str, Any] = {
 
 # The paper's data sets, as their files may be called; (name, files, options of Source).
 _PAPER_SETS: tuple[tuple[str, tuple[str, ...], dict[str, Any]], ...] = (
-    ("scape", ("scape-obj", "scape", "scape.npz"), {}),
+    ("scape", ("scape-obj", "scape", "scape.npz"), {"up": "x"}),
     ("crane", ("crane.npz", "crane"), {"ordered": True, "align": True}),
     ("horse", ("horse-gallop.npz", "horse-gallop"), {"ordered": True}),
     ("face", ("ict-expressions.npz", "ict-expressions"), {}),
