@@ -8,7 +8,7 @@ METHODS = {
     "Wang et al.": "splocs-edges",
     "Huang et al.": "splocs-gradients",
     "Neumann et al.": "splocs",
-    "Bernard et al.": "bernard",
+    "Bernard et al.": "structured-factors",
 }
 
 # Table "moreevaluation": 50 components, one frame in ten for training; by the paper's data set,
