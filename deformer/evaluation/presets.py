@@ -18,8 +18,8 @@ QUICK: dict[str, Any] = {
     "components": (10,),
     "at": 10,
     "counts": (5, 20),
-    "epochs": 150,
-    "tests": 8,
+    "epochs": 100,
+    "tests": 6,
 }
 
 # The paper's data sets, as their files may be called; (name, files, options of Source).
