@@ -1,6 +1,7 @@
 """`deformer evaluate` as a user runs it, and the report that it writes."""
 
 import json
+import multiprocessing
 import re
 import sys
 
@@ -133,6 +134,21 @@ def test_a_mistake_is_one_line(run, arguments, message):
     assert status == 2 and out == ""
     assert err.count("\n") == 1 and err.startswith("deformer: ")
     assert message in err
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_an_interrupted_run_says_how_to_go_on(run, folder, monkeypatch, processes):
+    calls = []
+
+    def stop(self, key, rows):
+        calls.append(key)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("deformer.evaluation.rows.Journal.add", stop)
+    status, _, err = run("bar.npz", "-o", "cut", *OPTIONS, "--processes", processes)
+    assert (status, len(calls)) == (console.INTERRUPTED, 1)
+    assert "the same command goes on" in err
+    assert not multiprocessing.active_children()
 
 
 def test_a_foreign_directory_is_left_alone(run, folder):

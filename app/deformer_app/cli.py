@@ -397,10 +397,13 @@ def evaluate(
         epochs=epochs,
         tests=tests,
     )
-    with console.cells_progress() as report:
-        result = evaluating.run(
-            paths, output, options, preset.value if preset else None, processes, report
-        )
+    chosen = preset.value if preset else None
+    try:
+        with console.cells_progress() as report:
+            result = evaluating.run(paths, output, options, chosen, processes, report)
+    except KeyboardInterrupt:
+        console.note("Interrupted: what is finished is kept; the same command goes on.")
+        raise typer.Exit(console.INTERRUPTED) from None
     if as_json:
         console.emit(result)
         return

@@ -20,8 +20,8 @@ from deformer.evaluation.presets import QUICK, paper_sources, paper_studies
 from deformer_app import report
 
 _PACKAGES = ("deformer", "numpy", "scipy", "torch", "numba", "libigl", "potpourri3d", "pyvista")
-# Entries of a run's directory; what else is there is not ours to touch.
-_OWN = ("journal.jsonl", "models", "examples", "results.json", "results.csv", "report.html")
+# Entries of a run's directory, of which one is there from the first minutes on.
+_OWN = ("journal.jsonl", "models", "examples")
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,8 @@ def _is_model(path: str) -> bool:
 def _check_output(output: Path) -> None:
     if output.exists() and not output.is_dir():
         raise deformer.InputError(f"{output}: is a file, expected a directory; choose another")
-    if output.is_dir() and any(output.iterdir()) and not (output / _OWN[0]).is_file():
+    entries = {entry.name for entry in output.iterdir()} if output.is_dir() else set()
+    if entries and not entries & set(_OWN):
         raise deformer.InputError(
             f"{output}: holds something other than an evaluation; choose another directory"
         )
