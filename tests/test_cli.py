@@ -16,7 +16,7 @@ import deformer
 from bars import bending_bar
 from deformer_app import cli, console
 
-COMMANDS = ["check", "train", "info", "fit", "demo"]
+COMMANDS = ["check", "train", "info", "fit", "evaluate", "demo"]
 DEFORMER = [sys.executable, "-c", "from deformer_app.cli import main; main()"]
 EPOCHS = "4"
 

@@ -38,7 +38,7 @@ def test_shell_blocks_run(walk):
     command.parent.mkdir()
     command.write_text(
         f"#!{sys.executable}\nimport sys\n"
-        f"if sys.argv[1] == 'train': sys.argv += ['--epochs', '{EPOCHS}']\n"
+        f"if sys.argv[1] in ('train', 'evaluate'): sys.argv += ['--epochs', '{EPOCHS}']\n"
         "from deformer_app.cli import main\nmain()\n"
     )
     command.chmod(0o755)
@@ -53,6 +53,7 @@ def test_shell_blocks_run(walk):
         )
         assert done.returncode == 0, done.stderr
     assert (walk / "walk-model").is_dir()
+    assert (walk / "evaluation" / "report.html").is_file()
     exact = deformer.load_mesh("exact.obj").vertices
     assert exact[204] == pytest.approx([0.4, 0.9, 0.0], abs=1e-6)
     assert deformer.load_mesh("pose.ply").vertices.shape == exact.shape

@@ -146,6 +146,30 @@ def progress(label: str) -> Iterator[Callable[[int, int], None]]:
 
 
 @contextmanager
+def cells_progress() -> Iterator[Callable[[int, int, str], None]]:
+    """Show a long row of measurements on stderr: a live bar, else a line for every tenth.
+
+    Call the yielded function with what is done, of how much, and what it was.
+    """
+    with Progress(
+        BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("{task.description}"),
+        console=err, transient=True, disable=not err.is_terminal,
+    ) as bar:  # fmt: skip
+        task = bar.add_task("", total=None)
+        told = -1
+
+        def report(done: int, total: int, text: str) -> None:
+            nonlocal told
+            bar.update(task, completed=done, total=total, description=_escaped(text))
+            tenth = 10 * done // max(total, 1)
+            if not err.is_terminal and tenth > told:
+                told = tenth
+                note(f"{done}/{total}  {text}".rstrip())
+
+        yield report
+
+
+@contextmanager
 def training_progress() -> Iterator[Callable[[Any], None]]:
     """Show training on stderr: a live bar on a terminal, else a line for every tenth.
 

@@ -60,6 +60,7 @@ class Layer:
         scalars: (V,) values to colour the vertices by, with a bar beside the picture.
         title: the bar's caption.
         limits: values at the ends of the bar; those of `scalars` if not given.
+        bar: draw the bar.
     """
 
     mesh: Mesh
@@ -68,6 +69,7 @@ class Layer:
     scalars: ArrayLike | None = None
     title: str = ""
     limits: tuple[float, float] | None = None
+    bar: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,8 +132,8 @@ def render(
         plotter.close()
     picture = np.ascontiguousarray(np.asarray(image)[..., :3], dtype=np.uint8)
     for layer in drawn:
-        if layer.scalars is not None:
-            picture = _draw_bar(picture, layer)
+        if layer.scalars is not None and layer.bar:
+            picture = draw_bar(picture, layer)
     return picture
 
 
@@ -254,7 +256,7 @@ def _add_layer(plotter: pv.Plotter, layer: Layer) -> None:
     )
 
 
-def _draw_bar(image: Picture, layer: Layer) -> Picture:
+def draw_bar(image: Picture, layer: Layer) -> Picture:
     """Draw the colour bar of a layer's scalars along the right border."""
     height, width = image.shape[:2]
     low, high = _limits(layer)

@@ -12,11 +12,12 @@ from deformer.mesh import FloatArray, MeshSequence
 Space = Literal["vertices", "gradients", "edges", "acap", "none"]
 
 
-class Method(Protocol):
-    """Learns components of example shapes, and poses a mesh by them.
+class Poser(Protocol):
+    """Poses a mesh by a few known vertices; whether it has components, `space` says.
 
     Settings are the constructor's; `fit` learns, and returns the method itself. A test shape is
-    never seen by `fit`, nor by anything chosen there.
+    never seen by `fit`, nor by anything chosen there. A method whose space is "none" has no
+    components and is no more than this.
     """
 
     name: ClassVar[str]
@@ -25,6 +26,14 @@ class Method(Protocol):
     def fit(self, shapes: MeshSequence, components: int, seed: int = 0) -> Self:
         """Learn K = `components` components from the training shapes; shape 0 is the reference."""
         ...
+
+    def fit_handles(self, vertices: ArrayLike, targets: ArrayLike) -> FloatArray:
+        """The mesh (V, 3) when only vertices (H,) are known to lie at targets (H, 3)."""
+        ...
+
+
+class Method(Poser, Protocol):
+    """Learns components of example shapes, and poses a mesh by them."""
 
     def encode(self, vertices: ArrayLike) -> FloatArray:
         """Codes (N, K) of shapes (N, V, 3) in one pass, without a search."""
@@ -36,8 +45,4 @@ class Method(Protocol):
 
     def decode(self, codes: ArrayLike) -> FloatArray:
         """Shapes (N, V, 3) of codes (N, K)."""
-        ...
-
-    def fit_handles(self, vertices: ArrayLike, targets: ArrayLike) -> FloatArray:
-        """The mesh (V, 3) when only vertices (H,) are known to lie at targets (H, 3)."""
         ...

@@ -1,0 +1,195 @@
+"""The compared methods by name, and how one is trained, or taken from an earlier run."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from shutil import rmtree
+from typing import ClassVar
+
+from numpy.typing import ArrayLike
+
+from deformer.autoencoder import resolve_config
+from deformer.baselines import METHODS
+from deformer.baselines.method import Poser, Space
+from deformer.errors import InputError
+from deformer.handles import HandleSolver
+from deformer.learning import train
+from deformer.mesh import FloatArray, MeshSequence
+from deformer.model import DeformationModel, load_model
+from deformer.training import has_checkpoint
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a network is trained with, beside its configuration; nothing for other methods.
+
+    Args:
+        epochs: training steps; None keeps the configuration's.
+        lambdas: weights λ₁ of sparsity and λ₂ of the latent range; None keeps them.
+        model: directory or name of a trained model, in place of training.
+        digest: of that model's files.
+    """
+
+    epochs: int | None = None
+    lambdas: tuple[float, float] | None = None
+    model: str | None = None
+    digest: str | None = None
+
+    @classmethod
+    def of_model(cls, model: str) -> Setting:
+        """The setting of a trained model.
+
+        Raises:
+            InputError: there is no such model.
+        """
+        loaded = load_model(model)
+        digest = hashlib.sha256()
+        for tensor in loaded.network.state_dict().values():
+            digest.update(tensor.numpy().tobytes())
+        return cls(model=model, digest=digest.hexdigest()[:16])
+
+    @property
+    def label(self) -> str:
+        """For progress."""
+        return "λ {:g} {:g}".format(*self.lambdas) if self.lambdas else ""
+
+
+class Network:
+    """A trained model as one of the compared methods."""
+
+    name: ClassVar[str] = "autoencoder"
+    space: ClassVar[Space] = "acap"
+
+    def __init__(self, model: DeformationModel) -> None:
+        """Prepare to pose the model."""
+        self.model = model
+        self._solver: HandleSolver | None = None
+
+    def fit(self, shapes: MeshSequence, components: int, seed: int = 0) -> Network:
+        """Refuse: this one is trained."""
+        raise InputError(f"{self.name}: is trained already; train another with deformer.train")
+
+    def encode(self, vertices: ArrayLike) -> FloatArray:
+        """Codes (N, K) by the encoder."""
+        return self.model.encode(vertices)
+
+    def fit_codes(self, vertices: ArrayLike) -> FloatArray:
+        """Codes (N, K) by a search."""
+        return self.model.fit(vertices)
+
+    def decode(self, codes: ArrayLike) -> FloatArray:
+        """Shapes (N, V, 3)."""
+        return self.model.decode(codes)
+
+    def fit_handles(self, vertices: ArrayLike, targets: ArrayLike) -> FloatArray:
+        """The mesh (V, 3) with exact handles, found anew, whatever was asked before."""
+        if self._solver is None:
+            self._solver = HandleSolver(self.model)
+        self._solver.set_handles(vertices, targets, hard=True)
+        return self._solver.solve().vertices
+
+
+@dataclass(frozen=True)
+class NetworkMethod:
+    """A method that stands on one of the project's networks.
+
+    Args:
+        config: the network's configuration; methods of one configuration share the network.
+        of: makes the method from the trained model.
+        learns: whether it has to see the training shapes again.
+    """
+
+    config: str
+    of: Callable[[DeformationModel], Poser]
+    learns: bool = False
+
+
+# By name, in the order of tables, before the methods of `deformer.baselines`.
+NETWORKS = {
+    "autoencoder": NetworkMethod("default", Network),
+    "autoencoder-paper": NetworkMethod("paper", Network),
+}
+
+
+def known_methods() -> tuple[str, ...]:
+    """Names that can be compared, in the order of tables."""
+    return (*NETWORKS, *METHODS)
+
+
+def offers_codes(method: str) -> bool:
+    """Whether a method has components; one without only poses by control points."""
+    return method in NETWORKS or method == "model" or METHODS[method]().space != "none"
+
+
+def trained(
+    method: str,
+    shapes: MeshSequence,
+    components: int,
+    seed: int,
+    setting: Setting,
+    cache: Path | None,
+) -> tuple[Poser, float]:
+    """A trained method, and the seconds that its training took.
+
+    Args:
+        method: a known name, or "model" for the setting's model.
+        shapes: to learn from; shape 0 is the reference.
+        components: K.
+        seed: of the training.
+        setting: of a network.
+        cache: where a network is kept: its model is taken from there, or training goes on from a
+            checkpoint beside it. None for other methods, which are learned anew.
+
+    Raises:
+        KeyboardInterrupt: training was interrupted; the checkpoint is saved.
+    """
+    if setting.model is not None:
+        model = load_model(setting.model)
+        return Network(model), float(model.summary["seconds"])
+    begun = time.perf_counter()
+    if cache is None:
+        return METHODS[method]().fit(shapes, components, seed), time.perf_counter() - begun
+    entry, before = NETWORKS[method], 0.0
+    if (cache / "model.json").is_file():
+        model = load_model(cache)
+        before = float(model.summary["seconds"])
+    else:
+        model = _train_network(entry.config, shapes, components, seed, setting, cache)
+        before = max(0.0, float(model.summary["seconds"]) - (time.perf_counter() - begun))
+    poser = entry.of(model)
+    if entry.learns:
+        poser = poser.fit(shapes, components, seed)
+    return poser, before + time.perf_counter() - begun
+
+
+def _train_network(
+    config: str,
+    shapes: MeshSequence,
+    components: int,
+    seed: int,
+    setting: Setting,
+    cache: Path,
+) -> DeformationModel:
+    sparsity, range_weight = setting.lambdas or (None, None)
+    checkpoint = cache.with_name(cache.name + ".checkpoint")
+    model = train(
+        shapes,
+        components,
+        config=resolve_config(config, sparsity=sparsity, range_weight=range_weight),
+        epochs=setting.epochs,
+        seed=seed,
+        # The same numbers on every machine that goes on with a run.
+        device="cpu",
+        checkpoint=checkpoint,
+        resume=has_checkpoint(checkpoint),
+    )
+    if model.summary["interrupted"]:
+        raise KeyboardInterrupt
+    cache.parent.mkdir(parents=True, exist_ok=True)
+    model.save(cache)
+    rmtree(checkpoint, ignore_errors=True)
+    return model

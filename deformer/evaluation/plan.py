@@ -1,0 +1,273 @@
+"""Which methods are trained on what, and which cells each of them is then measured in.
+
+A plan is made before anything runs. Cells are told apart by a key of all that decides their rows,
+so that an interrupted run goes on, and a changed option computes only what it changes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Literal
+
+from deformer.errors import InputError
+from deformer.evaluation.material import Source
+from deformer.evaluation.methods import NETWORKS, Setting, known_methods, offers_codes
+from deformer.evaluation.splits import Split, limited, random_split, sequence_split
+
+Protocol = Literal["reconstruction", "sparse_control", "sensitivity", "noise", "rotation"]
+PROTOCOLS: tuple[Protocol, ...] = (
+    "reconstruction",
+    "sparse_control",
+    "sensitivity",
+    "noise",
+    "rotation",
+)
+Kind = Literal["training", "reconstruction", "rotation", "sparse_control", "example"]
+
+# The paper's other settings of (λ₁, λ₂) beside (0.5, 0.5), and the method that they are tried on.
+LAMBDAS = ((0.4, 0.4), (0.6, 0.6), (0.4, 0.6), (0.6, 0.4))
+LAMBDA_METHOD = "autoencoder-paper"
+NOISE = (0.005, 0.01, 0.02)
+# Control points of the pictures.
+EXAMPLE_COUNT = 20
+# Raised when rows would come out otherwise for the same key.
+_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Study:
+    """What to measure on one data set.
+
+    Args:
+        source: the data set.
+        methods: names of the methods.
+        protocols: some of PROTOCOLS.
+        components: numbers K of components for `reconstruction`.
+        at: K of the other protocols, and of the pictures.
+        counts: numbers of control points.
+        splits: how many splits are drawn, or the splits.
+        seeds: draws of the first control point for each split.
+        epochs: training steps of the networks; None keeps their configurations'.
+        tests: measure on at most so many test shapes.
+        model: the trained model that the method "model" stands for.
+        pictures: whether an example of each method is kept.
+    """
+
+    source: Source
+    methods: tuple[str, ...]
+    protocols: tuple[Protocol, ...] = ("reconstruction", "sparse_control", "rotation")
+    components: tuple[int, ...] = (50,)
+    at: int = 50
+    counts: tuple[int, ...] = (5, 10, 20, 40, 80)
+    splits: int | tuple[Split, ...] = 1
+    seeds: int = 1
+    epochs: int | None = None
+    tests: int | None = None
+    model: Setting | None = None
+    pictures: bool = True
+
+    def __post_init__(self) -> None:
+        """Check names and ranges before anything runs."""
+        known = (*known_methods(), *(("model",) if self.model else ()))
+        for name, given, allowed in (
+            ("methods", self.methods, known),
+            ("protocols", self.protocols, PROTOCOLS),
+        ):
+            unknown = [entry for entry in given if entry not in allowed]
+            if unknown or not given:
+                raise InputError(
+                    f"{name}: got {unknown[0]!r}, expected some of {', '.join(allowed)}"
+                    if unknown
+                    else f"{name}: got none, expected some of {', '.join(allowed)}"
+                )
+        numbers = {"components": (*self.components, self.at), "counts": self.counts}
+        numbers |= {"seeds": (self.seeds,), "tests": (self.tests or 1,)}
+        for name, values in numbers.items():
+            if not values or min(values) < 1:
+                raise InputError(f"{name}: expected numbers of at least 1, got {list(values)}")
+
+    def drawn(self) -> tuple[Split, ...]:
+        """The splits."""
+        if not isinstance(self.splits, int):
+            return self.splits
+        draw = sequence_split if self.source.ordered else random_split
+        return tuple(draw(self.source.count, seed) for seed in range(self.splits))
+
+
+@dataclass(frozen=True)
+class Training:
+    """One method, trained once.
+
+    Args:
+        source: the data set.
+        split: which of its shapes to train on.
+        number: of the split, and the seed of the training.
+        method: name.
+        components: K; 0 for a method that has none.
+        noise: share of the bounding diagonal that is added to the training shapes.
+        setting: what a network is trained with.
+    """
+
+    source: Source
+    split: Split
+    number: int
+    method: str
+    components: int
+    noise: float = 0.0
+    setting: Setting = field(default_factory=Setting)
+
+    @property
+    def key(self) -> str:
+        """Decides the trained method."""
+        return _digest(method=self.method, **self._material())
+
+    @property
+    def network(self) -> str | None:
+        """Decides the network that the method stands on; None if it stands on none to be trained.
+
+        Methods can share one, and no two may train it at a time.
+        """
+        if self.method not in NETWORKS:
+            return None
+        return _digest(config=NETWORKS[self.method].config, **self._material())
+
+    def _material(self) -> dict[str, Any]:
+        """What is trained on, and how, as plain values."""
+        return {
+            "source": [self.source.fingerprint, self.source.align],
+            "train": self.split.train,
+            "components": self.components,
+            "seed": self.number,
+            "noise": self.noise,
+            "setting": asdict(self.setting),
+        }
+
+    @property
+    def label(self) -> str:
+        """For progress and failures."""
+        parts = [self.source.name, self.method]
+        parts += [f"K {self.components}"] if self.components else []
+        parts += [f"noise {self.noise:.1%}"] if self.noise else []
+        parts += [self.setting.label] if self.setting.label else []
+        return ", ".join([*parts, f"split {self.number}"])
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One measurement of a trained method; all its rows come together.
+
+    Args:
+        kind: what is measured.
+        test: shapes to measure on.
+        count: number K of components, or of control points.
+        seed: of the rows; for control points also of the first of them.
+        noise: share of the bounding diagonal that is added to the control points.
+    """
+
+    kind: Kind
+    test: tuple[int, ...]
+    count: int
+    seed: int
+    noise: float = 0.0
+
+    def key(self, training: Training) -> str:
+        """Decides the rows."""
+        source = training.source
+        return _digest(
+            training=training.key, cell=asdict(self), name=source.name, ordered=source.ordered
+        )
+
+    def protocol(self, training: Training) -> str:
+        """Name in rows, without what a cell adds to tell its own passes apart."""
+        name: str = self.kind
+        if training.setting.lambdas:
+            tried = "sensitivity({:g},{:g})".format(*training.setting.lambdas)
+            return tried if name == "reconstruction" else f"{tried}/{name}"
+        if self.noise:
+            name = f"noisy_control({self.noise:g})/{name}"
+        return f"noise({training.noise:g})/{name}" if training.noise else name
+
+
+@dataclass(frozen=True)
+class Job:
+    """A training and the cells that it serves."""
+
+    training: Training
+    cells: tuple[Cell, ...]
+
+
+def make_plan(studies: list[Study]) -> list[Job]:
+    """The jobs of all studies; a training that several protocols or studies need is there once."""
+    cells: dict[Training, dict[Cell, None]] = {}
+    for study in studies:
+        for training, cell in _cells(study):
+            cells.setdefault(training, {})[cell] = None
+    return [
+        Job(training, (Cell("training", (), training.components, training.number), *found))
+        for training, found in cells.items()
+    ]
+
+
+def _cells(study: Study) -> list[tuple[Training, Cell]]:
+    found: list[tuple[Training, Cell]] = []
+    for number, split in enumerate(study.drawn()):
+        test = limited(split.test, study.tests, study.source.ordered)
+        for method in study.methods:
+            components = study.at if offers_codes(method) else 0
+            setting = _setting(study, method)
+            base = Training(study.source, split, number, method, components, setting=setting)
+            found += _of_method(study, base, test)
+    return found
+
+
+def _of_method(study: Study, base: Training, test: tuple[int, ...]) -> list[tuple[Training, Cell]]:
+    codes, K, number = offers_codes(base.method), base.components, base.number
+    found: list[tuple[Training, Cell]] = []
+
+    def add(training: Training, kind: Kind, count: int, seed: int = number, noise: float = 0.0):
+        found.append((training, Cell(kind, test, count, seed, noise)))
+
+    def control(training: Training, noise: float = 0.0) -> None:
+        for draw in range(study.seeds):
+            # Draw d of the control points belongs to split d modulo the number of splits.
+            seed = number + draw * len(study.drawn())
+            for count in study.counts:
+                add(training, "sparse_control", count, seed, noise)
+
+    for protocol in study.protocols:
+        if protocol == "reconstruction" and codes:
+            for k in (K,) if base.method == "model" else study.components:
+                add(replace(base, components=k), protocol, k)
+        elif protocol == "rotation" and codes:
+            add(base, protocol, K)
+        elif protocol == "sparse_control":
+            control(base)
+        elif protocol == "noise":
+            for noise in NOISE:
+                if base.method != "model":
+                    noisy = replace(base, noise=noise)
+                    if codes:
+                        add(noisy, "reconstruction", K)
+                    control(noisy)
+                control(base, noise)
+        elif protocol == "sensitivity" and base.method == LAMBDA_METHOD:
+            add(base, "reconstruction", K)
+            for lambdas in LAMBDAS:
+                tried = replace(base, setting=replace(base.setting, lambdas=lambdas))
+                add(tried, "reconstruction", K)
+    if study.pictures and number == 0:
+        add(base, "example", EXAMPLE_COUNT)
+    return found
+
+
+def _setting(study: Study, method: str) -> Setting:
+    if method == "model" and study.model is not None:
+        return study.model
+    return Setting(epochs=study.epochs) if method in NETWORKS else Setting()
+
+
+def _digest(**facts: Any) -> str:
+    text = json.dumps({"version": _VERSION, **facts}, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:20]

@@ -1,0 +1,511 @@
+"""Evaluation: splits, no leak of test shapes, resuming, parallel runs, protocols, presets."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+import deformer
+from bars import bending_bar
+from deformer import InputError, MeshSequence
+from deformer.baselines import METHODS
+from deformer.evaluation import FAILURE, Setting, Source, Split, Study, evaluate, make_plan
+from deformer.evaluation import plan as plan_module
+from deformer.evaluation.material import prepare
+from deformer.evaluation.presets import paper_sources, paper_studies
+from deformer.evaluation.protocols import by_rotation, largest_rotations, sparse_control
+from deformer.evaluation.rows import COLUMNS, Journal
+from deformer.evaluation.splits import limited, random_split, sequence_split
+from deformer.evaluation.summary import summarise
+from shapes import random_rotation, tube, twist
+
+
+class TinyPCA:
+    """A method small enough to reason about: principal components, least squares."""
+
+    name = "tiny"
+    space = "vertices"
+
+    def fit(self, shapes, components, seed=0):
+        flat = shapes.vertices.reshape(len(shapes), -1)
+        self.mean = flat.mean(0)
+        self.basis = np.linalg.svd(flat - self.mean, full_matrices=False)[2][:components]
+        return self
+
+    def encode(self, vertices):
+        return (np.reshape(vertices, (len(vertices), -1)) - self.mean) @ self.basis.T
+
+    fit_codes = encode
+
+    def decode(self, codes):
+        return (codes @ self.basis + self.mean).reshape(len(codes), -1, 3)
+
+    def fit_handles(self, vertices, targets):
+        rows = (3 * np.asarray(vertices)[:, None] + np.arange(3)).ravel()
+        code = np.linalg.lstsq(self.basis[:, rows].T, np.ravel(targets) - self.mean[rows])[0]
+        return self.decode(code[None])[0]
+
+
+@pytest.fixture
+def tiny(monkeypatch):
+    monkeypatch.setitem(METHODS, "tiny", TinyPCA)
+
+
+@pytest.fixture(scope="module")
+def bar(tmp_path_factory):
+    path = tmp_path_factory.mktemp("data") / "bar.npz"
+    deformer.save_shapes(path, bending_bar(count=24))
+    return str(path)
+
+
+@pytest.fixture
+def source(bar):
+    return Source.at("bar", bar)
+
+
+def study(source, *methods, **options):
+    defaults = {"components": (2, 4), "at": 4, "counts": (5, 9), "epochs": 3, "tests": 4}
+    return Study(source, methods, **(defaults | options))
+
+
+def values(rows):
+    """What must not depend on how a run went."""
+    return [{**row} for row in rows if row["metric"] != "seconds"]
+
+
+def test_splits_of_the_paper():
+    scape = random_split(71, 0)
+    assert (len(scape.train), len(scape.test)) == (36, 35)
+    assert sorted(scape.train + scape.test) == list(range(71))
+    swing = sequence_split(150, 0)
+    assert (len(swing.train), len(swing.test)) == (15, 135)
+    assert [index // 10 for index in swing.train] == list(range(15))
+    assert random_split(71, 0) == scape != random_split(71, 1)
+    assert sequence_split(150, 3) != swing
+    assert sequence_split(48, 0).train[-1] >= 40
+
+
+def test_a_split_keeps_its_parts_apart():
+    with pytest.raises(InputError, match="shape 3 is to train and to test on"):
+        Split((1, 2, 3), (3, 4))
+    with pytest.raises(InputError, match="got 1 shapes to train"):
+        Split((1,), (2,))
+
+
+def test_fewer_test_shapes_of_a_sequence_follow_each_other():
+    assert limited(tuple(range(10, 20)), 4, ordered=True) == (13, 14, 15, 16)
+    assert limited(tuple(range(10)), 4, ordered=False) == (0, 3, 6, 9)
+    assert limited((1, 2), 5, ordered=False) == (1, 2)
+
+
+class Spy(TinyPCA):
+    """Remembers what it was shown."""
+
+    name = "spy"
+
+    trained: ClassVar[list] = []
+    targets: ClassVar[list] = []
+
+    def fit(self, shapes, components, seed=0):
+        Spy.trained.append(shapes.vertices.copy())
+        return super().fit(shapes, components, seed)
+
+    def fit_handles(self, vertices, targets):
+        Spy.targets.append(np.array(targets))
+        return super().fit_handles(vertices, targets)
+
+
+@pytest.mark.parametrize("align", [False, True])
+@pytest.mark.parametrize("ordered", [False, True])
+def test_no_test_shape_reaches_a_method(tmp_path, monkeypatch, align, ordered):
+    """Whatever the test shapes are, training sees the same bytes; handles are all that is told."""
+    monkeypatch.setitem(METHODS, "spy", Spy)
+    shapes = bending_bar(count=24)
+    split = (sequence_split if ordered else random_split)(24, 0)
+    seen = []
+    for number, scale in enumerate((1.0, 40.0)):
+        vertices = shapes.vertices.copy()
+        vertices[list(split.test)] = scale * vertices[list(split.test)] + (scale - 1)
+        path = tmp_path / f"{number}.npz"
+        deformer.save_shapes(path, MeshSequence(vertices, shapes.faces))
+        chosen = Source.at("bar", str(path), align=align, ordered=ordered)
+        protocols = ("reconstruction", "sparse_control", "noise", "rotation")
+        Spy.trained, Spy.targets = [], []
+        rows = evaluate([study(chosen, "spy", protocols=protocols)], tmp_path / f"out{number}")
+        assert not any(row["metric"] == FAILURE for row in rows)
+        assert {len(target) for target in Spy.targets} == {5, 9, plan_module.EXAMPLE_COUNT}
+        seen.append(Spy.trained)
+    # Two numbers of components, and three levels of noise.
+    assert [len(train) for train in seen[0]] == 5 * [len(split.train)]
+    for first, second in zip(*seen, strict=True):
+        np.testing.assert_array_equal(first, second)
+
+
+def test_each_training_sees_its_split_and_its_noise(source):
+    split = random_split(24, 0)
+    clean = prepare(source, split, split.test)
+    np.testing.assert_array_equal(clean.train.vertices, bending_bar(24).vertices[list(split.train)])
+    np.testing.assert_array_equal(clean.test, bending_bar(24).vertices[list(split.test)])
+    noisy = prepare(source, split, split.test, noise=0.01, seed=3)
+    added = noisy.train.vertices - clean.train.vertices
+    assert added.std() == pytest.approx(0.01 * clean.reference.bounding_diagonal, rel=0.05)
+    np.testing.assert_array_equal(noisy.test, clean.test)
+    np.testing.assert_array_equal(noisy.reference.vertices, clean.reference.vertices)
+
+
+def test_aligning_takes_rigid_motions_away_and_nothing_else(tmp_path):
+    shapes, rng = bending_bar(count=10), np.random.default_rng(0)
+    moved = [p @ random_rotation(rng).T + rng.normal(size=3) for p in shapes.vertices]
+    path = tmp_path / "moved.npz"
+    deformer.save_shapes(path, MeshSequence(np.stack(moved), shapes.faces))
+    split = Split((0, 1, 2, 3), (4, 5))
+    source = Source.at("moved", str(path), align=True)
+    material = prepare(source, split, split.test)
+    for pose, index in zip(material.test, split.test, strict=True):
+        assert deformer.e_rms(shapes.vertices[index], pose, "rigid") < 1e-6
+        # Already as close to the reference as a rigid motion brings it.
+        best = deformer.e_rms(material.reference.vertices, pose, "rigid")
+        assert deformer.e_rms(material.reference.vertices, pose, "none") == pytest.approx(best)
+
+
+def test_rows_have_the_contract_and_agree_with_a_direct_computation(tmp_path, source, tiny):
+    rows = evaluate([study(source, "tiny", tests=None)], tmp_path)
+    assert json.loads((tmp_path / "results.json").read_text()) == rows
+    assert (tmp_path / "results.csv").read_text().splitlines()[0] == ",".join(COLUMNS)
+    assert all(tuple(row) == COLUMNS for row in rows)
+    found = {
+        (row["protocol"], row["count"], row["metric"]): row["value"]
+        for row in rows
+        if row["method"] == "tiny"
+    }
+    split, shapes = random_split(24, 0), bending_bar(24)
+    truth = shapes.vertices[list(split.test)]
+    for K in (2, 4):
+        method = TinyPCA().fit(shapes.subset(split.train), K)
+        estimate = method.decode(method.encode(truth))
+        for run in ("encoder", "fit"):
+            key = f"reconstruction/{run}", K
+            assert found[*key, "E_rms"] == pytest.approx(deformer.e_rms(truth, estimate))
+            rigid = deformer.e_rms(truth, estimate, "rigid")
+            assert found[*key, "E_rms_rigid"] == pytest.approx(rigid)
+    assert found["sparse_control", 5, "shapes"] == len(truth)
+    assert "STED" not in {metric for _, _, metric in found}
+    assert sum(found[p, c, m] for p, c, m in found if p == "rotation/fit" and m == "shapes") == 12
+
+
+def test_motion_is_measured_where_shapes_are_in_order(tmp_path, bar, tiny):
+    rows = evaluate([study(Source.at("bar", bar, ordered=True), "tiny")], tmp_path)
+    metrics = {(row["protocol"], row["metric"]) for row in rows}
+    for protocol in ("reconstruction/encoder", "reconstruction/fit", "sparse_control"):
+        assert {(protocol, "STED"), (protocol, "STED_temporal")} <= metrics
+
+
+def test_the_same_again_computes_nothing_and_gives_the_same(tmp_path, source, monkeypatch, tiny):
+    chosen = study(source, "tiny", "autoencoder", "arap", protocols=("sparse_control",))
+    first = evaluate([chosen], tmp_path / "a")
+    again = evaluate([chosen], tmp_path / "b")
+    for one, other in zip(values(first), values(again), strict=True):
+        assert one == {**other, "value": pytest.approx(other["value"], rel=1e-4)}
+    monkeypatch.setattr(TinyPCA, "fit", lambda *_: pytest.fail("trained again"))
+    assert evaluate([chosen], tmp_path / "a") == first
+
+
+def test_parallel_equals_serial(tmp_path, source):
+    chosen = study(source, "autoencoder", "arap", "biharmonic-nearest", splits=2, tests=2)
+    told = []
+    serial = evaluate([chosen], tmp_path / "serial")
+    parallel = evaluate([chosen], tmp_path / "parallel", 2, lambda *event: told.append(event))
+    assert [event[0] for event in told] == list(range(told[0][1] + 1))
+    for one, other in zip(values(serial), values(parallel), strict=True):
+        # Compiled kernels may round differently where they were compiled and where they are kept.
+        assert one == {**other, "value": pytest.approx(other["value"], rel=1e-4)}
+
+
+RUN = """
+import sys
+from pathlib import Path
+from deformer.evaluation import Source, Study, evaluate
+if __name__ == "__main__":
+    source = Source.at("bar", sys.argv[1])
+    study = Study(source, ("autoencoder", "arap"), ("sparse_control",), (3,), 3, (5, 9),
+                  splits=2, seeds=2, epochs=int(sys.argv[4]), tests=3)
+    evaluate([study], Path(sys.argv[2]), int(sys.argv[3]), lambda d, t, _: print(d, t, flush=True))
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+@pytest.mark.parametrize("processes", [1, 2])
+def test_a_killed_run_goes_on_where_it_stopped(tmp_path, bar, processes):
+    script = tmp_path / "run.py"
+    script.write_text(RUN)
+    command = [sys.executable, str(script), bar]
+    run = subprocess.Popen(
+        [*command, str(tmp_path / "killed"), str(processes), "4"],
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    assert run.stdout is not None
+    for line in run.stdout:
+        if int(line.split()[0]) >= 4:
+            break
+    os.kill(run.pid, signal.SIGKILL)
+    run.wait()
+    # Workers end with their parent.
+    deadline = time.monotonic() + 60
+    while _alive(run.pid) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert not _alive(run.pid)
+    kept = len((tmp_path / "killed" / "journal.jsonl").read_bytes().splitlines())
+    assert kept >= 4
+    done = subprocess.run(
+        [*command, str(tmp_path / "killed"), "1", "4"], capture_output=True, text=True, check=True
+    )
+    assert int(done.stdout.split()[0]) >= 4, "began anew"
+    subprocess.run([*command, str(tmp_path / "whole"), "1", "4"], capture_output=True, check=True)
+    killed, whole = (
+        values(json.loads((tmp_path / name / "results.json").read_text()))
+        for name in ("killed", "whole")
+    )
+    for one, other in zip(killed, whole, strict=True):
+        assert one == {**other, "value": pytest.approx(other["value"], rel=1e-4)}
+
+
+def _alive(group):
+    """Whether a process of the session is left that is no zombie."""
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            fields = (process / "stat").read_text().rpartition(")")[2].split()
+        except OSError:  # ended meanwhile
+            continue
+        if int(fields[3]) == group and fields[0] != "Z":
+            return True
+    return False
+
+
+def test_a_line_that_a_crash_cut_off_is_dropped(tmp_path):
+    row = dict.fromkeys(COLUMNS, 0)
+    journal = Journal(tmp_path / "journal.jsonl")
+    journal.add("first", [row])
+    with journal._path.open("ab") as file:
+        file.write(b'{"key": "second", "ro')
+    again = Journal(tmp_path / "journal.jsonl")
+    assert "first" in again and "second" not in again
+    again.add("third", [row])
+    assert "third" in Journal(tmp_path / "journal.jsonl")
+    (tmp_path / "notes.txt").write_text("not\na journal\n")
+    with pytest.raises(InputError, match="line 1"):
+        Journal(tmp_path / "notes.txt")
+
+
+class Broken(TinyPCA):
+    name = "broken"
+
+    def decode(self, codes):
+        raise ValueError("out of\ncomponents")
+
+
+class Untrainable(TinyPCA):
+    name = "untrainable"
+
+    def fit(self, shapes, components, seed=0):
+        raise RuntimeError("no convergence")
+
+
+def test_what_fails_is_a_row_with_its_reason(tmp_path, source, monkeypatch, tiny):
+    monkeypatch.setitem(METHODS, "broken", Broken)
+    monkeypatch.setitem(METHODS, "untrainable", Untrainable)
+    rows = evaluate([study(source, "broken", "untrainable", "tiny", components=(4,))], tmp_path)
+    failures = [row for row in rows if row["metric"] == FAILURE]
+    assert {row["method"] for row in failures} == {"broken", "untrainable"}
+    reasons = {row["method"]: row["value"] for row in failures if "encoder" in row["protocol"]}
+    assert reasons["broken"] == "ValueError: out of components"
+    assert {r["value"] for r in failures if r["method"] == "untrainable"} == {
+        "RuntimeError: no convergence"
+    }
+    # Tried again, and this time well: a failure is not what a cell ends with.
+    monkeypatch.setitem(METHODS, "broken", type("Mended", (TinyPCA,), {"name": "broken"}))
+    rows = evaluate([study(source, "broken", "untrainable", "tiny", components=(4,))], tmp_path)
+    assert {row["method"] for row in rows if row["metric"] == FAILURE} == {"untrainable"}
+
+
+def test_failures_on_single_shapes_are_counted():
+    shapes, calls = bending_bar(6), []
+
+    class Moody(TinyPCA):
+        def fit_handles(self, vertices, targets):
+            calls.append(1)
+            if len(calls) == 2:
+                return np.full((226, 3), np.nan)
+            if len(calls) == 4:
+                raise ValueError("too hard")
+            return super().fit_handles(vertices, targets)
+
+    method = Moody().fit(shapes, 5)
+    vertices = np.array([0, 50, 100, 150, 225])
+    errors = sparse_control(method, shapes.vertices, vertices, shapes.faces)
+    assert (errors["failures"], errors["shapes"]) == (2, 6)
+    assert errors["E_rms"] < 1e-6
+    method.fit_handles = lambda *_: 1 / 0
+    with pytest.raises(InputError, match="all 6 shapes: ZeroDivisionError"):
+        sparse_control(method, shapes.vertices, vertices, shapes.faces)
+
+
+def test_rotations_are_those_that_were_made():
+    mesh, rng = tube(), np.random.default_rng(0)
+    turns = [40.0, 100.0, 250.0]
+    poses = np.stack(
+        [
+            twist(mesh.vertices - [1, 0, 0], np.radians(angle)) @ random_rotation(rng).T
+            for angle in turns
+        ]
+    )
+    # Aligned as a whole, each end is turned by half of the twist.
+    found = largest_rotations(mesh, poses)
+    np.testing.assert_allclose(found, np.array(turns) / 2, rtol=0.12)
+    estimate = poses + np.array([1.0, 2.0, 3.0])[:, None, None] * np.sign(poses)
+    classes = by_rotation(found, poses, estimate)
+    assert {bound: errors["shapes"] for bound, errors in classes.items()} == {30: 1, 60: 1, 150: 1}
+    assert classes[60]["E_rms"] == pytest.approx(deformer.e_rms(poses[1], estimate[1]))
+
+
+def test_a_training_serves_all_protocols_that_need_it(source, tiny):
+    every = study(source, "tiny", "arap", protocols=plan_module.PROTOCOLS, splits=2, seeds=3)
+    jobs = make_plan([every, every])
+    trainings = [job.training for job in jobs]
+    assert len(set(trainings)) == len(trainings)
+    # K = 2, K = 4 and three levels of noise; a method without components has no K.
+    assert [t.method for t in trainings].count("tiny") == 2 * 5
+    assert [t.method for t in trainings].count("arap") == 2 * 4
+    keys = [cell.key(job.training) for job in jobs for cell in job.cells]
+    assert len(set(keys)) == len(keys)
+    control = [
+        (job.training.number, cell.seed)
+        for job in jobs
+        for cell in job.cells
+        if cell.kind == "sparse_control" and not cell.noise and not job.training.noise
+    ]
+    assert set(control) == {(0, 0), (0, 2), (0, 4), (1, 1), (1, 3), (1, 5)}
+
+
+def test_keys_tell_apart_what_gives_other_rows(source, tiny):
+    def keys(**options):
+        jobs = make_plan([study(options.pop("source", source), "tiny", **options)])
+        return {cell.key(job.training) for job in jobs for cell in job.cells}
+
+    before = keys()
+    assert keys() == before
+    assert keys(counts=(5, 9, 12)) > before
+    assert not keys(source=replace(source, fingerprint="changed")) & before
+    assert not keys(source=replace(source, align=True)) & before
+    assert len(keys(tests=5) & before) == 2, "only trainings stay"
+
+
+def test_sensitivity_is_asked_of_the_papers_network_alone(source, tiny):
+    chosen = study(source, "tiny", "autoencoder", "autoencoder-paper", protocols=("sensitivity",))
+    jobs = make_plan([chosen])
+    tried = [job.training for job in jobs if job.training.method == "autoencoder-paper"]
+    assert {t.setting.lambdas for t in tried} == {None, *plan_module.LAMBDAS}
+
+
+def test_mistakes_are_refused_before_anything_runs(source):
+    for options, message in [
+        ({"methods": ("nobody",)}, "methods: got 'nobody'"),
+        ({"methods": ("model",)}, "methods: got 'model'"),
+        ({"protocols": ("all",)}, "protocols: got 'all'"),
+        ({"methods": ()}, "methods: got none"),
+        ({"counts": (0, 5)}, "counts: expected"),
+    ]:
+        with pytest.raises(InputError, match=message):
+            Study(**({"source": source, "methods": ("arap",)} | options))
+
+
+def test_a_trained_model_is_measured_as_it_is(tmp_path, source):
+    split = random_split(24, 0)
+    model = deformer.train(
+        bending_bar(24), 3, epochs=2, split={"train": list(split.train), "test": list(split.test)}
+    )
+    model.save(tmp_path / "model")
+    setting = Setting.of_model(str(tmp_path / "model"))
+    options = {"components": (3,), "at": 3, "splits": (split,), "tests": None}
+    rows = evaluate([study(source, "model", "arap", model=setting, **options)], tmp_path / "out")
+    truth = bending_bar(24).vertices[list(split.test)]
+    expected = deformer.e_rms(truth, model.decode(model.encode(truth)))
+    found = [
+        row["value"]
+        for row in rows
+        if (row["method"], row["protocol"], row["metric"])
+        == ("model", "reconstruction/encoder", "E_rms")
+    ]
+    assert found == [pytest.approx(expected, rel=1e-5)]
+
+
+def test_summaries_over_seeds():
+    def row(method, count, seed, metric, value):
+        place = ("set", method, "sparse_control", count, seed, metric, value)
+        return dict(zip(COLUMNS, place, strict=True))
+
+    rows = [row("a", 5, seed, "E_rms", value) for seed, value in enumerate((1.0, 2.0, 6.0))]
+    rows += [row("a", 5, 0, "failures", 2), row("a", 5, 0, "shapes", 9)]
+    rows += [row("a", 5, 3, FAILURE, "why"), row("b", 5, 0, FAILURE, "why")]
+    tables = summarise(rows)
+    assert list(tables) == [("set", "sparse_control", "E_rms")]
+    a, b = (tables["set", "sparse_control", "E_rms"].cells[name][5] for name in "ab")
+    assert (a.mean, a.spread) == (3.0, pytest.approx(7**0.5))
+    assert (a.failed, a.lost, a.shapes) == (1, 2, 9)
+    assert (b.values, b.failed) == ((), 1)
+
+
+def test_paper_preset_plans_what_the_paper_shows(tmp_path, tiny):
+    for name, count in [
+        ("crane", 30),
+        ("horse-gallop", 48),
+        ("ict-expressions", 56),
+        ("humanoid", 60),
+    ]:
+        deformer.save_shapes(tmp_path / f"{name}.npz", bending_bar(count, rings=4, side=2))
+    deformer.save_shapes(tmp_path / "scape-obj", bending_bar(71, rings=4, side=2), format="obj")
+    sources = {source.name: source for source in paper_sources(tmp_path)}
+    assert list(sources) == ["scape", "crane", "horse", "face", "humanoid"]
+    assert sources["crane"].align and sources["crane"].ordered and not sources["scape"].ordered
+    jobs = make_plan(paper_studies(list(sources.values())))
+    cells = [(job.training, cell) for job in jobs for cell in job.cells]
+
+    def counts(name, method, kind):
+        return {
+            cell.count
+            for training, cell in cells
+            if (training.source.name, training.method, cell.kind) == (name, method, kind)
+            and not training.noise
+        }
+
+    for method in ("tiny", "autoencoder", "autoencoder-paper"):
+        for name in sources:
+            assert 50 in counts(name, method, "reconstruction"), "moreevaluation"
+        for name in ("scape", "crane"):
+            assert {10, 30, 50} <= counts(name, method, "reconstruction"), "gerror"
+            assert {5, 20, 80} <= counts(name, method, "sparse_control"), "sparse_control"
+    assert {5, 20, 80} <= counts("scape", "arap", "sparse_control")
+    lambdas = {training.setting.lambdas for training, _ in cells if training.source.name == "scape"}
+    assert lambdas == {None, *plan_module.LAMBDAS}, "diff_lambda"
+    for training, cell in cells:
+        assert not set(training.split.train) & set(cell.test)
+        share = len(training.split.train) / training.source.count
+        assert share == pytest.approx(36 / 71 if training.source.name == "scape" else 0.1, abs=0.01)
+    rows_of = [
+        (t.source.name, t.method, cell.protocol(t), cell.count, cell.seed) for t, cell in cells
+    ]
+    assert len(set(rows_of)) == len(rows_of), "two cells would give the same rows"
+
+
+def test_paper_preset_needs_data(tmp_path):
+    with pytest.raises(InputError, match="holds none of scape-obj"):
+        paper_sources(tmp_path)
