@@ -69,8 +69,8 @@ class LinearMethod(ABC):
         return self._basis
 
     def encode(self, vertices: ArrayLike) -> FloatArray:
-        """Codes (N, K) of shapes (N, V, 3): the same as `fit_codes`."""
-        return self.fit_codes(vertices)
+        """Codes (N, K) of shapes (N, V, 3): those of `fit_codes` if it says no other."""
+        return self.basis.encode(self._checked(vertices))
 
     def fit_codes(self, vertices: ArrayLike) -> FloatArray:
         """Codes (N, K) whose decoded vertices come closest to shapes (N, V, 3): least squares."""

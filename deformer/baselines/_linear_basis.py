@@ -43,6 +43,10 @@ class LinearBasis:
         """Pseudo-inverse (3V, K); what is this much weaker than the strongest is rounding."""
         return np.linalg.pinv(self.matrix, rcond=1e-10)
 
+    def encode(self, vertices: FloatArray) -> FloatArray:
+        """Codes (N, K) of shapes (N, V, 3), the method's own way."""
+        return self.project(vertices)
+
     def decode(self, codes: FloatArray) -> FloatArray:
         """Shapes (N, V, 3) of codes (N, K)."""
         return self.origin + (codes @ self.matrix).reshape(len(codes), *self.origin.shape)
