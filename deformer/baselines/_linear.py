@@ -124,6 +124,8 @@ class LinearMethod(ABC):
         V = len(self.basis.origin)
         if X.ndim != 3 or X.shape[1:] != (V, 3):
             raise InputError(f"vertices: expected an array of shape (N, {V}, 3), got {X.shape}")
+        if not np.isfinite(X).all():
+            raise InputError("vertices: expected finite positions")
         return X
 
 

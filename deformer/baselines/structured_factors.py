@@ -88,14 +88,21 @@ def factorise(
     Args:
         data: (N, V, 3) of unit variance.
         norm: of the factors.
-        count: K. Each factor starts as one coordinate of one vertex, drawn with `seed`.
+        count: K. Each factor starts as one coordinate of one vertex, drawn with `seed` in
+            proportion to its variance: one that never moves would stay without weights.
         strength: λ K / (3 V N), so that it means the same for any size of the data.
         iterations: at most.
     """
     N, V, _ = data.shape
     X = data.reshape(N, -1)
     charge = strength * 3 * V * N / count * _CODE_WEIGHT / np.sqrt(N)
-    start = np.random.default_rng(seed).choice(3 * V, count, replace=count > 3 * V)
+    moving = (X**2).sum(0)
+    start = np.random.default_rng(seed).choice(
+        3 * V,
+        count,
+        replace=count > np.count_nonzero(moving),
+        p=moving / moving.sum() if moving.any() else None,
+    )
     factors = np.zeros((count, V, 3))
     factors.reshape(count, -1)[np.arange(count), start] = 1.0
     weights = np.zeros((N, count))
