@@ -41,7 +41,7 @@ class LinearBasis:
     @cached_property
     def inverse(self) -> FloatArray:
         """Pseudo-inverse (3V, K); what is this much weaker than the strongest is rounding."""
-        return np.linalg.pinv(self.matrix, rcond=1e-10)
+        return np.asarray(np.linalg.pinv(self.matrix, rcond=1e-10), dtype=np.float64)
 
     def encode(self, vertices: FloatArray) -> FloatArray:
         """Codes (N, K) of shapes (N, V, 3), the method's own way."""

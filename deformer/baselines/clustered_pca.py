@@ -45,7 +45,7 @@ class RegionBasis(LinearBasis):
         own = self.matrix * np.repeat(self.members.sum(0), 3)
         against = (vertices - self.origin).reshape(len(vertices), -1) @ own.T
         normal = np.eye(len(own)) + self.seams.T @ self.seams
-        return np.linalg.solve(normal, against.T).T
+        return np.asarray(np.linalg.solve(normal, against.T).T, dtype=np.float64)
 
 
 class ClusteredPCA(LinearMethod):

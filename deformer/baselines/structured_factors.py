@@ -17,6 +17,8 @@ from deformer.mesh import FloatArray, IntArray, Mesh
 
 # λ_A of the authors' program.
 _CODE_WEIGHT = 1e-4
+# A coordinate of less variance than this, where the mean is 1, does not move.
+_STILL = 1e-12
 
 
 class StructuredFactors(LinearMethod):
@@ -88,20 +90,17 @@ def factorise(
     Args:
         data: (N, V, 3) of unit variance.
         norm: of the factors.
-        count: K. Each factor starts as one coordinate of one vertex, drawn with `seed` in
-            proportion to its variance: one that never moves would stay without weights.
+        count: K. Each factor starts as one coordinate of one vertex, drawn with `seed` from those
+            that move: another would never get weights.
         strength: λ K / (3 V N), so that it means the same for any size of the data.
         iterations: at most.
     """
     N, V, _ = data.shape
     X = data.reshape(N, -1)
     charge = strength * 3 * V * N / count * _CODE_WEIGHT / np.sqrt(N)
-    moving = (X**2).sum(0)
+    moving = np.flatnonzero((X**2).sum(0) > _STILL * N)
     start = np.random.default_rng(seed).choice(
-        3 * V,
-        count,
-        replace=count > np.count_nonzero(moving),
-        p=moving / moving.sum() if moving.any() else None,
+        moving if len(moving) else 3 * V, count, replace=count > (len(moving) or 3 * V)
     )
     factors = np.zeros((count, V, 3))
     factors.reshape(count, -1)[np.arange(count), start] = 1.0
