@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deformer.baselines._localised import LocalisedSettings, localised_components
+from deformer.baselines._localised import LocalisedSettings, _Problem, localised_components
 from deformer.errors import InputError
 
 SITES = 60
@@ -59,6 +59,29 @@ def test_objective_never_rises_and_weights_keep_their_range(signed):
     used = found.components.any((1, 2))
     np.testing.assert_allclose(np.abs(found.weights[:, used]).max(0), 1.0)
     assert found.weights.min() >= 0 or signed
+
+
+def test_no_step_raises_the_objective():
+    data = 3.0 * noise(seed=4)
+    for signed in (True, False):
+        problem = _Problem(data, distances, 6, LocalisedSettings(sparsity=5.0, signed=signed))
+        value = problem.objective()
+        for _ in range(20):
+            for step in (problem.fit_weights, problem.move_centres, problem.fit_components):
+                step()
+                value, before = problem.objective(), value
+                assert value <= before * (1 + 1e-12), step
+
+
+def test_weights_and_component_are_scaled_together():
+    data = noise()
+    problem = _Problem(data, distances, 1, LocalisedSettings(sparsity=0.0))
+    along = problem.C[0] / np.linalg.norm(problem.C[0])
+    problem.C *= 3.0
+    problem.fit_weights()
+    X = data.reshape(len(data), -1)
+    np.testing.assert_allclose(problem.W @ problem.C, np.outer(X @ along, along), atol=1e-12)
+    assert np.abs(problem.W).max() == pytest.approx(1.0)
 
 
 def test_objective_is_that_of_the_paper():

@@ -23,7 +23,7 @@ class LinearBasis:
     """Shapes are origin + Σ_k z_k components_k.
 
     Args:
-        origin: (V, 3).
+        origin: (V, 3), the mean of the training shapes: the mean of their codes is 0.
         components: (K, V, 3); some may be 0, their codes stay 0.
         seams: (S, K) rows whose product with good codes is about 0, in the unit of the positions;
             S may be 0.
@@ -85,8 +85,7 @@ class HandleRegression:
         codes = basis.project(training)
         self._basis = basis
         self._unseen = unseen
-        self._mean = codes.mean(0)
-        self._covariance = (codes - self._mean).T @ (codes - self._mean) / len(codes)
+        self._covariance = codes.T @ codes / len(codes)
 
     def codes(
         self,
@@ -98,7 +97,7 @@ class HandleRegression:
     ) -> FloatArray:
         """Codes (R, n, K) for n sets of targets (n, H, 3) of handles (H,), for all ridges (R,).
 
-        z = μ + L y, L Lᵀ the shrunk covariance, y = argmin ‖p(z) − q‖² + seam ‖S z‖² + ridge u ‖y‖²
+        z = L y, L Lᵀ the shrunk covariance, y = argmin ‖p(z) − q‖² + seam ‖S z‖² + ridge u ‖y‖²
         with u the mean variance of a known coordinate.
         """
         C = self._covariance
@@ -108,11 +107,11 @@ class HandleRegression:
         seams = np.sqrt(seam) * self._basis.seams
         A = np.vstack([known, seams])
         residual = (targets - self._basis.origin[handles]).reshape(len(targets), -1)
-        wanted = np.hstack([residual, np.zeros((len(targets), len(seams)))]) - A @ self._mean
+        wanted = np.hstack([residual, np.zeros((len(targets), len(seams)))])
         U, s, Vt = np.linalg.svd(A @ L, full_matrices=False)
         unit = ((known @ L) ** 2).sum() / len(known) or 1.0
         filtered = (wanted @ U) * (s / (s**2 + unit * ridges[:, None]))[:, None]
-        return self._mean + filtered @ Vt @ L.T
+        return filtered @ Vt @ L.T
 
     def penalties(self) -> Iterator[tuple[float, float]]:
         """Shrinkages and charges of seams to try."""
