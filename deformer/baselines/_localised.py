@@ -1,0 +1,240 @@
+"""Sparse localised components of any data on the sites of a mesh.
+
+The optimisation of Neumann et al., "Sparse Localized Deformation Components" (SIGGRAPH Asia 2013),
+on M sites (vertices, edges) with D numbers each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import cho_factor, cho_solve
+
+from deformer.errors import InputError
+from deformer.losses import locality_row
+from deformer.mesh import FloatArray, IntArray
+
+# Distances (M,) from one site to all.
+Distances = Callable[[int], FloatArray]
+
+# A residual this small, of data of unit variance, is rounding: no component is made of it.
+_ROUNDING = 1e-10
+
+# Penalty of the augmented Lagrangian, and its iterations a round, of the authors' program.
+_PENALTY = 10.0
+_ADMM_ITERATIONS = 10
+
+
+@dataclass(frozen=True)
+class LocalisedSettings:
+    """What is asked of the components.
+
+    Args:
+        sparsity: λ, for data of unit variance.
+        d_min, d_max: distance from a component's centre, in the unit of the distances, up to which
+            nothing and from which on all of λ is charged.
+        signed: weights lie in [−1, 1], or else in [0, 1]; the largest of a component is 1.
+        tolerance: the rounds end when the objective falls by less than this share of itself,
+        rounds: or after as many.
+    """
+
+    sparsity: float = 2.0
+    d_min: float = 0.2
+    d_max: float = 0.4
+    signed: bool = True
+    tolerance: float = 1e-3
+    rounds: int = 50
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        if not self.sparsity >= 0:
+            raise InputError(f"sparsity: expected a number of at least 0, got {self.sparsity}")
+        if not 0 <= self.d_min < self.d_max:
+            raise InputError(
+                f"d_min, d_max: expected 0 ≤ d_min < d_max, got {self.d_min} and {self.d_max}"
+            )
+        if not self.rounds >= 0:
+            raise InputError(f"rounds: expected at least 0, got {self.rounds}")
+
+
+@dataclass(frozen=True, eq=False)
+class Localised:
+    """Data (N, M, D) ≈ weights (N, K) times components (K, M, D).
+
+    Args:
+        components: (K, M, D) in the unit of the data; exactly 0 outside their supports. Where the
+            data have less to tell than K components, the last ones are 0.
+        weights: (N, K) of the training data, the largest magnitude of a component 1.
+        centres: (K,) site that each component lies around.
+        objective: (rounds + 1,) value before the first round and after each; never rises.
+    """
+
+    components: FloatArray
+    weights: FloatArray
+    centres: IntArray
+    objective: FloatArray
+
+
+def localised_components(
+    data: ArrayLike,
+    distances: Distances,
+    count: int,
+    settings: LocalisedSettings | None = None,
+) -> Localised:
+    """Factor data into few local components: minimise ½‖X − W C‖² + λ Σ_k Σ_i Λ_ki ‖C_ki‖₂.
+
+    Λ_ki grows from 0 to 1 with the distance of site i from the centre of component k. The
+    components start by greedy deflation: each takes the site that moves most in the residual.
+    Then rounds of three steps: the weights by block coordinate descent in their range, the centres
+    to the sites where the components are largest, the components by ADMM. Where the paper scales a
+    weight into its range and lets the component catch up, here the component is scaled with it; and
+    a step that would raise the objective is not taken, so that it never rises. Nothing is random.
+
+    Args:
+        data: (N, M, D) differences from a reference or a mean, in any unit, D numbers a site;
+            numbers of different kinds should have been brought to one scale before. It is divided
+            by its root mean square inside, for λ to mean the same in any unit.
+        distances: gives the distances (M,) from a site to all, non-negative, infinite where there
+            is no way; in the unit of d_min and d_max (of the largest extent, say). It is asked for
+            few sites more than K.
+        count: K, components.
+        settings: the authors' λ when None, and the range that Tan et al. (AAAI 2018) use for
+            distances in units of the largest one.
+
+    Raises:
+        InputError: the data are not (N, M, D) and finite, or K is below 1.
+    """
+    settings = settings or LocalisedSettings()
+    X = np.asarray(data, dtype=np.float64)
+    if X.ndim != 3 or 0 in X.shape or not np.isfinite(X).all():
+        raise InputError(f"data: expected finite numbers of shape (N, M, D), got {X.shape}")
+    if count < 1:
+        raise InputError(f"components: expected at least 1, got {count}")
+    unit = float(np.sqrt((X**2).mean())) or 1.0
+    problem = _Problem(X / unit, distances, count, settings)
+    objective = [problem.objective()]
+    for _ in range(settings.rounds):
+        problem.fit_weights()
+        problem.move_centres()
+        problem.fit_components()
+        objective.append(problem.objective())
+        if objective[-2] - objective[-1] <= settings.tolerance * objective[-2]:
+            break
+    components = problem.C.reshape(count, *X.shape[1:]) * unit
+    return Localised(components, problem.W, problem.centres, np.array(objective))
+
+
+class _Problem:
+    """The unknowns W (N, K), C (K, M·D), the centres, and the three steps that improve them."""
+
+    def __init__(
+        self, X: FloatArray, distances: Distances, count: int, settings: LocalisedSettings
+    ) -> None:
+        """Start by greedy deflation."""
+        N, self._sites, D = X.shape
+        self._X = X.reshape(N, -1)
+        self._distances = distances
+        self._settings = settings
+        self.W = np.zeros((N, count))
+        self.C = np.zeros((count, self._sites * D))
+        self.centres: IntArray = np.zeros(count, dtype=np.int64)
+        self._penalty = np.zeros((count, self._sites))
+        self._dual = np.zeros_like(self.C)
+        self._deflate(X.copy())
+
+    def _deflate(self, residual: FloatArray) -> None:
+        for k in range(len(self.C)):
+            site = int((residual**2).sum((0, 2)).argmax())
+            left, scale, _ = np.linalg.svd(residual[:, site], full_matrices=False)
+            weight = self._largest_one(left[:, 0] * scale[0])
+            self.centres[k], locality = site, self._locality(site)
+            self._penalty[k] = self._settings.sparsity * locality
+            if scale[0] <= _ROUNDING * np.sqrt(len(weight)):
+                continue
+            # c_i = (1 − Λ_i) Σ_n w_n r_ni / Σ_n w_n²
+            component = np.tensordot(weight, residual, 1) / (weight @ weight)
+            component *= (1.0 - locality)[:, None]
+            residual -= weight[:, None, None] * component
+            self.W[:, k], self.C[k] = weight, component.ravel()
+
+    def _locality(self, site: int) -> FloatArray:
+        return locality_row(self._distances(site), self._settings.d_min, self._settings.d_max)
+
+    def _largest_one(self, weight: FloatArray) -> FloatArray:
+        """A weight of the right range along ±`weight`."""
+        if not self._settings.signed:
+            weight = max((np.maximum(weight, 0), np.maximum(-weight, 0)), key=np.linalg.norm)
+        largest = np.abs(weight).max()
+        return weight / (largest or 1.0)
+
+    def _lengths(self, C: FloatArray) -> FloatArray:
+        return np.sqrt((C.reshape(len(C), self._sites, -1) ** 2).sum(2))
+
+    def objective(self) -> float:
+        """½‖X − W C‖² + Σ_k Σ_i λ Λ_ki ‖C_ki‖₂."""
+        misfit = ((self._X - self.W @ self.C) ** 2).sum() / 2
+        return float(misfit + (self._penalty * self._lengths(self.C)).sum())
+
+    def fit_weights(self) -> None:
+        """One sweep over the columns of W, each to its best in range, scaling C_k where it helps.
+
+        Of the misfit only ½‖C_k‖²‖w − w*‖² depends on w = W_k, with w* the unconstrained best.
+        """
+        gram = self.C @ self.C.T
+        against = self._X @ self.C.T
+        charge = (self._penalty * self._lengths(self.C)).sum(1)
+        lowest = -1.0 if self._settings.signed else 0.0
+        for k in range(len(self.C)):
+            if gram[k, k] == 0:
+                self.W[:, k] = 0
+                continue
+            best = self.W[:, k] + (against[:, k] - self.W @ gram[k]) / gram[k, k]
+            free = best if self._settings.signed else np.maximum(best, 0.0)
+            clipped = np.clip(best, lowest, 1.0)
+            scale = float(np.abs(free).max())
+            gain = gram[k, k] / 2 * (((clipped - best) ** 2).sum() - ((free - best) ** 2).sum())
+            if (scale - 1) * charge[k] > gain:
+                self.W[:, k] = clipped
+                continue
+            # w / m and m C_k: the same product, the largest weight 1.
+            self.W[:, k] = free / scale if scale > 0 else 0.0
+            self.C[k] *= scale
+            gram[k] *= scale
+            gram[:, k] *= scale
+            against[:, k] *= scale
+
+    def move_centres(self) -> None:
+        """Centre each component where it is largest, if it costs less there."""
+        lengths = self._lengths(self.C)
+        for k, site in enumerate(lengths.argmax(1).tolist()):
+            if site == self.centres[k]:
+                continue
+            penalty = self._settings.sparsity * self._locality(site)
+            if penalty @ lengths[k] <= self._penalty[k] @ lengths[k]:
+                self.centres[k], self._penalty[k] = site, penalty
+
+    def fit_components(self) -> None:
+        """Components for the present weights and centres: ADMM, the dual kept between rounds."""
+        gram, against = self.W.T @ self.W, self.W.T @ self._X
+        factor = cho_factor(gram + _PENALTY * np.eye(len(gram)))
+        Z, U = self.C, self._dual
+        for _ in range(_ADMM_ITERATIONS):
+            C = cho_solve(factor, against + _PENALTY * (Z - U), check_finite=False)
+            Z = self._shrunk(C + U)
+            U = U + C - Z
+        self._dual = U
+        before, previous = self.objective(), self.C
+        self.C = Z
+        if self.objective() > before:
+            self.C = previous
+
+    def _shrunk(self, C: FloatArray) -> FloatArray:
+        """Proximal map of λ Λ_ki ‖·‖₂ / ρ: sites shorter than the charge vanish."""
+        lengths = self._lengths(C)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            kept = np.maximum(0.0, 1.0 - self._penalty / (_PENALTY * lengths))
+        kept[lengths == 0] = 0.0
+        return (C.reshape(*kept.shape, -1) * kept[..., None]).reshape(C.shape)
