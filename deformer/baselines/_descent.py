@@ -1,0 +1,53 @@
+"""Levenberg–Marquardt on any sum of squares that can say its own damped step."""
+
+from __future__ import annotations
+
+from typing import Protocol, TypeVar
+
+from deformer.mesh import FloatArray
+
+
+class Point(Protocol):
+    """Unknowns with the energy there."""
+
+    value: float
+
+    def step(self, damping: float) -> FloatArray:
+        """Damped Gauss–Newton step of the unknowns."""
+        ...
+
+    def moved(self, step: FloatArray) -> Point:
+        """The point that a step leads to."""
+        ...
+
+
+P = TypeVar("P", bound=Point)
+
+
+def descend(point: P, limit: int, tolerance: float, damping: float = 1e-3) -> P:
+    """Follow damped Gauss–Newton steps; the energy never rises.
+
+    Args:
+        point: where to start.
+        limit: most steps.
+        tolerance: relative gain of a step that ends the descent.
+        damping: of the first step, relative to the diagonal of the normal matrix.
+
+    Returns:
+        The last point.
+    """
+    for _ in range(limit):
+        while True:
+            there = point.moved(point.step(damping))
+            # Written so that an energy that is not a number counts as a rise.
+            if there.value <= point.value:
+                break
+            damping *= 8.0
+            if damping > 1e6:
+                return point
+        gain = point.value - there.value
+        point = there  # type: ignore[assignment]
+        damping = max(damping / 8.0, 1e-9)
+        if gain <= tolerance * point.value:
+            break
+    return point
