@@ -24,7 +24,9 @@ class Point(Protocol):
 P = TypeVar("P", bound=Point)
 
 
-def descend(point: P, limit: int, tolerance: float, damping: float = 1e-3) -> P:
+def descend(
+    point: P, limit: int, tolerance: float, damping: float = 1e-3, floor: float = 0.0
+) -> P:
     """Follow damped Gauss–Newton steps; the energy never rises.
 
     Args:
@@ -32,11 +34,14 @@ def descend(point: P, limit: int, tolerance: float, damping: float = 1e-3) -> P:
         limit: most steps.
         tolerance: relative gain of a step that ends the descent.
         damping: of the first step, relative to the diagonal of the normal matrix.
+        floor: an energy that counts as none.
 
     Returns:
         The last point.
     """
     for _ in range(limit):
+        if point.value <= floor:
+            break
         while True:
             there = point.moved(point.step(damping))
             # Written so that an energy that is not a number counts as a rise.
