@@ -49,6 +49,9 @@ class GradientMethod:
         """What was learned."""
         self._deformation, self._chosen = deformation, noise
 
+    def _check_training(self, shape_count: int, components: int) -> None:
+        checked_training(shape_count, components, self.noise)
+
     def _learned(self) -> DataDrivenDeformation:
         if self._deformation is None:
             raise InputError(f"{type(self).__name__} has learned nothing yet; call fit first")
@@ -112,7 +115,7 @@ class GradientSplocsMethod(GradientMethod):
             components: K.
             seed: of the control vertices that the noise is chosen with; the rest is not random.
         """
-        checked_training(len(shapes), components, self.noise)
+        self._check_training(len(shapes), components)
         reference = shapes.mesh(0)
         self._extractor = FeatureExtractor(reference)
         poisson, geodesics = PoissonSystem(reference), Geodesics(reference)
