@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deformer.baselines._descent import descend
+from deformer.baselines._descent import damped_step, descend
 from deformer.baselines._gradient_space import GradientSpace
 from deformer.features import features_to_gradients
 from deformer.latent import LatentPrior
@@ -106,7 +106,8 @@ class DataDrivenDeformation:
         control = _Control(self, vertices, G, stiffness, goals, 1.0 / (noise**2 * self.size))
         d = goals - self._shapes[:, vertices]
         energy = 2.0 * np.einsum("nha,hg,nga->n", d, stiffness, d) + self._misfits
-        y = np.linalg.solve(self.factor, (self._starts - self.prior.mean).T).T
+        white = np.linalg.solve(self.factor, (self._starts - self.prior.mean).T).T
+        y = np.asarray(white, dtype=np.float64)
         energy = energy * control.weight + (y**2).sum(axis=1)
         order = [0, *(1 + np.argsort(energy[1:], kind="stable")[:_STARTS])]
         found = []
@@ -187,7 +188,7 @@ class _Fit:
         if self._normal is None:
             self._normal = self.normal()
         H, g = self._normal
-        return -np.linalg.solve(H + damping * np.diag(np.diag(H)), g)
+        return damped_step(H, g, damping)
 
     def moved(self, step: FloatArray) -> _Fit:
         return _Fit(self.control, self.x + step)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Protocol, TypeVar
 
+import numpy as np
+
 from deformer.mesh import FloatArray
 
 
@@ -21,12 +23,16 @@ class Point(Protocol):
         ...
 
 
+def damped_step(H: FloatArray, gradient: FloatArray, damping: float) -> FloatArray:
+    """Step (n,) that solves (H + damping · diag H) step = −gradient for a dense H (n, n)."""
+    step = np.linalg.solve(H + damping * np.diag(np.diag(H)), -gradient)
+    return np.asarray(step, dtype=np.float64)
+
+
 P = TypeVar("P", bound=Point)
 
 
-def descend(
-    point: P, limit: int, tolerance: float, damping: float = 1e-3, floor: float = 0.0
-) -> P:
+def descend(point: P, limit: int, tolerance: float, damping: float = 1e-3, floor: float = 0.0) -> P:
     """Follow damped Gauss–Newton steps; the energy never rises.
 
     Args:

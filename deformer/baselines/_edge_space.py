@@ -8,7 +8,8 @@ import numpy as np
 from scipy import sparse
 
 from deformer.baselines._connection import Connection
-from deformer.baselines._descent import descend
+from deformer.baselines._descent import damped_step, descend
+from deformer.baselines._gradient_space import faint_pull, least_inverse
 from deformer.baselines._shell import Shell
 from deformer.cholesky import SparseCholesky
 from deformer.latent import LatentPrior
@@ -20,10 +21,9 @@ from deformer.surface import schur_inverse
 # Energies' relative gain that ends a reconstruction, and its most steps.
 _TOLERANCE = 1e-4
 _STEPS = 30
-# Fit to vertices: steps, and the faint pull to the prior, as in `DeformationModel.fit`.
+# Fit to vertices.
 _OUTER_STEPS = 12
 _OUTER_TOLERANCE = 1e-3
-_FAINT = 1e-3
 # Handle fits: examples that are started from, steps from each, and of the best one.
 _STARTS = 2
 _FIRST_STEPS = 4
@@ -51,8 +51,7 @@ class EdgeSpace:
         self.connection = Connection(shell, poisson)
         self.base, self.components = base, components
         self.flat = components.reshape(len(components), -1)
-        # Components may depend on each other: the least of the best weights is taken.
-        self._inverse = np.linalg.pinv(self.flat @ self.flat.T, rcond=1e-10, hermitian=True)
+        self._inverse = least_inverse(self.flat)
         self.points = np.repeat(shell.reference.vertices, 3, axis=0)
 
     def features(self, w: FloatArray) -> FloatArray:
@@ -87,8 +86,7 @@ class EdgeSpace:
         Damped Gauss–Newton from weights w through the reconstruction, with a faint pull to the
         prior for components that the shape does not determine.
         """
-        unit = _FAINT * self.shell.reference.bounding_diagonal
-        pull = unit**2 * np.linalg.inv(prior.covariance)
+        pull = faint_pull(prior, self.shell.reference.bounding_diagonal)
         start = _Closest(self, target, pull, prior.mean, w, laid_on(self.decode(w), target))
         return descend(start, _OUTER_STEPS, _OUTER_TOLERANCE).w
 
@@ -126,8 +124,8 @@ class _Closest:
         self._normal: tuple[FloatArray, FloatArray, FloatArray] | None = None
 
     def step(self, damping: float) -> FloatArray:
-        J, H, gradient = self._system()
-        return -np.linalg.solve(H + damping * np.diag(np.diag(H)), gradient)
+        _, H, gradient = self._system()
+        return damped_step(H, gradient, damping)
 
     def _system(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         if self._normal is None:
@@ -140,9 +138,7 @@ class _Closest:
         w = self.w + step
         guess = self.p + (step @ self._system()[0]).reshape(-1, 3)
         p = self.space.shell.closest(self.space.features(w), guess, _STEPS, _TOLERANCE)
-        return _Closest(
-            self.space, self.target, self.pull, self.mean, w, laid_on(p, self.target)
-        )
+        return _Closest(self.space, self.target, self.pull, self.mean, w, laid_on(p, self.target))
 
 
 class EdgeDeformation:
@@ -168,7 +164,8 @@ class EdgeDeformation:
         """Whiten the weights."""
         self.space, self.prior, self.examples = space, prior, examples
         self.factor = prior.factor
-        self.white = np.linalg.solve(self.factor, (codes - prior.mean).T).T
+        white = np.linalg.solve(self.factor, (codes - prior.mean).T).T
+        self.white = np.asarray(white, dtype=np.float64)
         # Features' change with the whitened weights.
         self.slopes = self.factor.T @ space.flat
 
@@ -234,7 +231,8 @@ class _Fit:
         D = slopes @ slopes.T + np.eye(len(slopes)) / self.weight
         D += damping * np.diag(np.diag(D))
         y = np.linalg.solve(D - B.T @ solved[:, :-1], below - B.T @ solved[:, -1])
-        return np.concatenate([solved[:, -1] - solved[:, :-1] @ y, y])
+        step = np.concatenate([solved[:, -1] - solved[:, :-1] @ y, y])
+        return np.asarray(step, dtype=np.float64)
 
     def _system(self) -> tuple[sparse.csr_array, FloatArray, FloatArray, FloatArray]:
         if self._normal is None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deformer.baselines._descent import descend
+from deformer.baselines._descent import damped_step, descend
 from deformer.differentials import gradient_tangents
 from deformer.features import features_to_gradients
 from deformer.latent import LatentPrior
@@ -25,6 +25,17 @@ _BATCH = 16
 _FAINT = 1e-3
 _STEPS = 20
 _TOLERANCE = 1e-5
+
+
+def faint_pull(prior: LatentPrior, diagonal: float) -> FloatArray:
+    """Matrix (K, K) of a fit to vertices' pull to the prior; `diagonal` is the reference's."""
+    return (_FAINT * diagonal) ** 2 * np.asarray(np.linalg.inv(prior.covariance), np.float64)
+
+
+def least_inverse(components: FloatArray) -> FloatArray:
+    """(A Aᵀ)⁺ (K, K) of components A (K, n): least squares with the least weights."""
+    gram = components @ components.T
+    return np.asarray(np.linalg.pinv(gram, rcond=1e-10, hermitian=True), dtype=np.float64)
 
 
 class GradientSpace:
@@ -45,8 +56,7 @@ class GradientSpace:
         self.base, self.components, self.gain = base, components, gain
         K = len(components)
         self._scaled = (components / gain).reshape(K, -1)
-        # Components may depend on each other: the least of the best weights is taken.
-        self._inverse = np.linalg.pinv(self._scaled @ self._scaled.T, rcond=1e-10, hermitian=True)
+        self._inverse = least_inverse(self._scaled)
 
     def features(self, w: FloatArray) -> FloatArray:
         """Features (V, 9) of weights (K,)."""
@@ -90,8 +100,7 @@ class GradientSpace:
         the shape does not determine.
         """
         goal = target - target.mean(axis=0) + self.poisson.centroid
-        unit = _FAINT * self.poisson.reference.bounding_diagonal
-        pull = unit**2 * np.linalg.inv(prior.covariance)
+        pull = faint_pull(prior, self.poisson.reference.bounding_diagonal)
         start = _Closest(self, goal, pull, prior.mean, w)
         return descend(start, _STEPS, _TOLERANCE).w
 
@@ -118,7 +127,7 @@ class _Closest:
             gradient = J @ self.residual.ravel() + self.pull @ (self.w - self.mean)
             self._normal = J @ J.T + self.pull, gradient
         H, gradient = self._normal
-        return -np.linalg.solve(H + damping * np.diag(np.diag(H)), gradient)
+        return damped_step(H, gradient, damping)
 
     def moved(self, step: FloatArray) -> _Closest:
         return _Closest(self.space, self.goal, self.pull, self.mean, self.w + step)

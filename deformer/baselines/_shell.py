@@ -131,9 +131,7 @@ class Shell:
         floor = np.finfo(float).tiny
         bending = np.sqrt(3.0) * self.rest_lengths**2 / np.maximum(area, floor)
         bending = np.where(self.inner, np.clip(bending, *_BENDING_RANGE), 0.0)
-        self.unit = np.column_stack(
-            [np.sqrt(_STRETCH) / self.rest_lengths, np.sqrt(bending)]
-        )
+        self.unit = np.column_stack([np.sqrt(_STRETCH) / self.rest_lengths, np.sqrt(bending)])
         self._pattern = self._entries()
 
     def measure(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -185,7 +183,7 @@ class Shell:
         """Jacobian J (2E, 3V) at p, and JᵀJ with a trace of stiffness against rigid motions."""
         J = self.jacobian(p)
         H = sparse.csr_array(J.T @ J)
-        return J, H + sparse.diags_array(np.full(H.shape[0], _GROUND * H.diagonal().mean()))
+        return J, H + sparse.diags_array(np.full(p.size, _GROUND * H.diagonal().mean()))
 
     def closest(
         self, target: FloatArray, start: FloatArray, limit: int = 30, tolerance: float = 1e-5

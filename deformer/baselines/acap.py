@@ -20,7 +20,7 @@ class AcapSplocs(GradientSplocsMethod):
     `LocalisedSettings`, the same for every representation.
     """
 
-    name: ClassVar[str] = "splocs-acap"
+    name: ClassVar[str] = "SPLOCS ACAP"
     space: ClassVar[Space] = "acap"
 
     def _extract(self, vertices: FloatArray) -> FloatArray:

@@ -51,7 +51,7 @@ class EdgeSplocs:
             learning, on training shapes left out.
     """
 
-    name: ClassVar[str] = "splocs-edges"
+    name: ClassVar[str] = "SPLOCS edges"
     space: ClassVar[Space] = "edges"
 
     def __init__(

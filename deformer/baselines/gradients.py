@@ -28,7 +28,7 @@ class GradientSplocs(GradientSplocsMethod):
     paper leaves open how a few points pose a mesh: that is `DataDrivenDeformation`.
     """
 
-    name: ClassVar[str] = "splocs-gradients"
+    name: ClassVar[str] = "SPLOCS gradients"
     space: ClassVar[Space] = "gradients"
 
     def _extract(self, vertices: FloatArray) -> FloatArray:

@@ -37,7 +37,7 @@ class LinearComponents(GradientMethod):
             training shapes then; only the prior is without the shapes left out.
     """
 
-    name: ClassVar[str] = "linear-components"
+    name: ClassVar[str] = "linear components"
     space: ClassVar[Space] = "acap"
 
     def __init__(
