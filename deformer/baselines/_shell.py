@@ -7,6 +7,7 @@ et al., "Discrete Shells" (2003).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +19,8 @@ from deformer.cholesky import SparseCholesky
 from deformer.errors import InputError
 from deformer.mesh import FloatArray, IntArray, Mesh
 
-# Relative change of length that weighs as much as a change of the dihedral angle by one radian,
-# to the power of minus two: the stiffness against stretch beside that against bending.
+# Stiffness against stretch beside that against bending: a relative change of length by 0.1 weighs
+# as much as a change of angle by one radian.
 _STRETCH = 100.0
 # Bounds on the bending weight, that of an edge between equilateral triangles being 1: slivers
 # must not outweigh everything else.
@@ -30,47 +31,68 @@ _ROUNDING = 1e-18
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _normals(p, hinge, u, m, n):
+    """Edge vector u of a hinge and the normals m left and n right of it, twice the areas long."""
+    a, b, c, d = hinge
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        u[k] = p[b, k] - p[a, k]
+        m[k] = (p[b, i] - p[a, i]) * (p[c, j] - p[a, j])
+        m[k] -= (p[b, j] - p[a, j]) * (p[c, i] - p[a, i])
+        n[k] = (p[d, i] - p[a, i]) * (p[b, j] - p[a, j])
+        n[k] -= (p[d, j] - p[a, j]) * (p[b, i] - p[a, i])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _dot(x, y):
+    return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _measure(p, hinges, length, angle):
     """Length and signed dihedral angle (0 flat, positive convex) of every edge a-b."""
+    u, m, n = np.empty(3), np.empty(3), np.empty(3)
     for e in range(len(hinges)):
-        a, b, c, d = hinges[e]
-        u = p[b] - p[a]
-        size = np.sqrt((u**2).sum())
-        length[e] = size
+        _normals(p, hinges[e], u, m, n)
+        length[e] = math.sqrt(_dot(u, u))
         angle[e] = 0.0
-        if c >= 0 and d >= 0 and size > 0.0:
-            m = np.cross(u, p[c] - p[a])
-            n = np.cross(p[d] - p[a], u)
-            angle[e] = np.arctan2((np.cross(m, n) * u).sum() / size, (m * n).sum())
+        if hinges[e, 2] >= 0 and hinges[e, 3] >= 0 and length[e] > 0.0:
+            # (m × n) · u, by which n is turned against m about the edge.
+            sine = m[0] * (n[1] * u[2] - n[2] * u[1])
+            sine += m[1] * (n[2] * u[0] - n[0] * u[2])
+            sine += m[2] * (n[0] * u[1] - n[1] * u[0])
+            angle[e] = math.atan2(sine / length[e], _dot(m, n))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _differentiate(p, hinges, dlength, dangle):
     """dlength[e] (3,): derivative of the length by b (by a: its negative); dangle[e] (4, 3)."""
+    u, m, n = np.empty(3), np.empty(3), np.empty(3)
     for e in range(len(hinges)):
-        a, b, c, d = hinges[e]
-        u = p[b] - p[a]
-        size = np.sqrt((u**2).sum())
+        a, _, c, d = hinges[e]
+        _normals(p, hinges[e], u, m, n)
+        size = math.sqrt(_dot(u, u))
         dlength[e] = 0.0
         dangle[e] = 0.0
         if size == 0.0:
             continue
-        dlength[e] = u / size
-        if c < 0 or d < 0:
-            continue
-        m = np.cross(u, p[c] - p[a])
-        n = np.cross(p[d] - p[a], u)
-        mm, nn = (m**2).sum(), (n**2).sum()
+        for k in range(3):
+            dlength[e, k] = u[k] / size
+        mm, nn = _dot(m, m), _dot(n, n)
         # A triangle without area has no normal to turn.
-        if mm == 0.0 or nn == 0.0:
+        if c < 0 or d < 0 or mm == 0.0 or nn == 0.0:
             continue
-        by_c, by_d = -size / mm * m, -size / nn * n
-        s = ((p[c] - p[a]) * u).sum() / size**2
-        t = ((p[d] - p[a]) * u).sum() / size**2
-        dangle[e, 0] = -(1.0 - s) * by_c - (1.0 - t) * by_d
-        dangle[e, 1] = -s * by_c - t * by_d
-        dangle[e, 2] = by_c
-        dangle[e, 3] = by_d
+        # Where c and d stand along the edge, from 0 at a to 1 at b.
+        s, t = 0.0, 0.0
+        for k in range(3):
+            s += (p[c, k] - p[a, k]) * u[k] / size**2
+            t += (p[d, k] - p[a, k]) * u[k] / size**2
+        for k in range(3):
+            by_c, by_d = -size / mm * m[k], -size / nn * n[k]
+            dangle[e, 0, k] = -(1.0 - s) * by_c - (1.0 - t) * by_d
+            dangle[e, 1, k] = -s * by_c - t * by_d
+            dangle[e, 2, k] = by_c
+            dangle[e, 3, k] = by_d
 
 
 def _hinges(faces: IntArray) -> IntArray:
