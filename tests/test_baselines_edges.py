@@ -1,6 +1,7 @@
 """Edge lengths and dihedral angles: measures, derivatives, reconstruction, handle fits."""
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from deformer.baselines._localised import LocalisedSettings
 from deformer.baselines._shell import Shell
 from deformer.baselines.edges import EdgeSplocs
 from deformer.errors import InputError
+from deformer.io import load_shapes
 from deformer.latent import LatentPrior
 from deformer.mesh import Mesh, MeshSequence
 from deformer.metrics import e_rms
@@ -27,6 +29,7 @@ from shapes import (
     two_components,
 )
 
+SCAPE = Path(__file__).resolve().parents[2] / "shared" / "data" / "scape-obj"
 ALL = LocalisedSettings(sparsity=0.0, rounds=20)
 HANDLES = [3, 40, 77, 110]
 MESHES = {"tube": tube(), "strip": strip(), "sphere": icosphere(1), "components": two_components()}
@@ -114,6 +117,14 @@ def test_each_component_has_a_frame_of_its_own():
     V = len(tube().vertices)
     assert np.abs(laid_on(p[:V], target[:V]) - target[:V]).max() < 1e-6
     assert np.abs(laid_on(p[V:], target[V:]) - target[V:]).max() < 1e-6
+
+
+@pytest.mark.skipif(not SCAPE.exists(), reason="the SCAPE example meshes are not here")
+def test_a_human_pose_comes_back_without_its_frame():
+    shapes = load_shapes(SCAPE).subset([0, 30])
+    shell = Shell(shapes.mesh(0))
+    p = Connection(shell, PoissonSystem(shapes.mesh(0))).shape(shell.features(shapes.vertices[1]))
+    assert e_rms(shapes.vertices[1], p, "rigid") < 1e-6
 
 
 def test_gauss_newton_finds_the_shape_from_the_reference():

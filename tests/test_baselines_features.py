@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from deformer.baselines import _data_driven
 from deformer.baselines._checks import checked_handles, checked_shapes
 from deformer.baselines._data_driven import DataDrivenDeformation, _Control, _Fit
 from deformer.baselines._gradient_space import GradientSpace
@@ -106,6 +107,34 @@ def test_gradient_of_the_handle_energy_is_its_derivative():
     h = 1e-5
     found = [(_fit_at(x + e).value - _fit_at(x - e).value) / (2 * h) for e in h * np.eye(7)]
     np.testing.assert_allclose(gradient, found, rtol=1e-6, atol=1e-6)
+
+
+def test_normal_matrix_is_the_second_derivative_where_nothing_is_left_over():
+    """At the reference itself there is no strain: Gauss–Newton is Newton."""
+    poisson = space().poisson
+    shape = poisson.reference.vertices
+    q = np.tile([0.0, 0, 0, 1, 0, 0, 1, 0, 1], (len(shape), 1))
+    exact = GradientSpace(poisson, q, space().components, np.ones(9))
+    own = DataDrivenDeformation(exact, LatentPrior(np.zeros(4), np.eye(4)), np.zeros((1, 4)))
+    index = np.array(HANDLES)
+    green = own.green(index)
+    stiffness = schur_inverse(green[:, index])[:-1, :-1]
+    goals = shape[index] - shape.mean(axis=0)
+    control = _Control(own, index, green, stiffness, goals, 40.0)
+    h = 1e-5
+    sides = [[_Fit(control, sign * e).normal()[1] for sign in (1.0, -1.0)] for e in h * np.eye(7)]
+    second = np.array([(plus - minus) / (2 * h) for plus, minus in sides])
+    matrix = _Fit(control, np.zeros(7)).normal()[0]
+    np.testing.assert_allclose(second, matrix, rtol=1e-5, atol=1e-5 * np.abs(matrix).max())
+
+
+def test_the_start_is_the_example_that_meets_the_handles(monkeypatch):
+    monkeypatch.setattr(_data_driven, "descend", lambda point, *settings: point)
+    own = deformation()
+    for n in (3, 5, 9):
+        example = space().decode(own.examples[n : n + 1])[0]
+        p = own.fit(np.array(HANDLES), example[HANDLES] + 1e-3, 1e-3)
+        np.testing.assert_allclose(p, example + 1e-3, atol=1e-9)
 
 
 def _strain(p, T):
