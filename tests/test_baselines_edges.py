@@ -61,6 +61,29 @@ def test_measures_of_two_triangles_on_a_hinge(fold):
     assert not shell.features(p)[~shell.inner, 1].any()
 
 
+def test_changes_of_angle_go_the_short_way_round():
+    """From almost shut on one side to almost shut on the other: 0.2, not 2π − 0.2."""
+
+    def folded(fold):
+        right = [0.5, -0.5 * np.cos(fold), -0.5 * np.sin(fold)]
+        return np.array([[0, 0, 0], [1, 0, 0], [0.5, 0.5, 0], right])
+
+    shell = Shell(Mesh(folded(np.pi - 0.1), [[0, 1, 2], [1, 0, 3]]))
+    turn = shell.features(folded(np.pi + 0.1))[shell.inner, 1] / shell.unit[shell.inner, 1]
+    np.testing.assert_allclose(np.abs(turn), 0.2, atol=1e-9)
+
+
+def test_mirrored_frames_are_turned_back():
+    rng = np.random.default_rng(9)
+    R = np.stack([random_rotation(rng) for _ in tube().faces])
+    mixed = R @ np.array([[2.0, 0.3, 0.1], [0.2, 1.0, 0.4], [0.0, 0.1, -0.5]])
+    X = Connection(Shell(tube()), PoissonSystem(tube()))._orthonormal(mixed)
+    np.testing.assert_allclose(np.linalg.det(X), 1.0)
+    np.testing.assert_allclose(
+        X @ X.transpose(0, 2, 1), np.tile(np.eye(3), (len(X), 1, 1)), atol=1e-9
+    )
+
+
 def test_angles_are_positive_where_the_surface_is_convex():
     assert (Shell(icosphere(1)).rest_angles > 0).all()
     inside_out = Mesh(icosphere(1).vertices, icosphere(1).faces[:, ::-1])

@@ -70,14 +70,13 @@ class EdgeSpace:
         return laid_on(p, self.shell.reference.vertices)
 
     def tangents(self, p: FloatArray) -> FloatArray:
-        """Change (K, V, 3) of the decoded shape p with the weights, without rigid motions.
+        """Change (K, V, 3) of the decoded shape p with the weights.
 
-        Gauss–Newton's: what is left of the features' misfit is taken as small.
+        Gauss–Newton's: what is left of the features' misfit is taken as small. No feature's change
+        pushes along a rigid motion, so there is none in it.
         """
         J, H = self.shell.normal_matrix(p)
         change = SparseCholesky(H, self.points).solve(J.T @ self.flat.T).T
-        rigid = _rigid_motions(p)
-        change -= (change @ rigid.T) @ rigid
         return change.reshape(len(self.flat), -1, 3)
 
     def closest(self, target: FloatArray, w: FloatArray, prior: LatentPrior) -> FloatArray:
@@ -95,15 +94,6 @@ def laid_on(p: FloatArray, target: FloatArray) -> FloatArray:
     """Points (V, 3) moved rigidly to lie as close as possible to the target (V, 3)."""
     R, t = procrustes(p, target)
     return p @ R.T + t
-
-
-def _rigid_motions(p: FloatArray) -> FloatArray:
-    """Orthonormal basis (6, 3V) of the infinitesimal rigid motions of points (V, 3)."""
-    motions = np.zeros((6, len(p), 3))
-    for axis in range(3):
-        motions[axis, :, axis] = 1.0
-        motions[3 + axis] = np.cross(np.eye(3)[axis], p - p.mean(axis=0))
-    return np.linalg.qr(motions.reshape(6, -1).T)[0].T
 
 
 @dataclass(eq=False)
