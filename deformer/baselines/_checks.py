@@ -1,0 +1,69 @@
+"""Arguments of a method's functions as arrays, or one clear line about what is wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deformer.errors import InputError
+from deformer.mesh import FloatArray, IntArray
+
+
+def checked_shapes(vertices: ArrayLike, vertex_count: int) -> FloatArray:
+    """Shapes (N, V, 3), finite."""
+    shapes = np.asarray(vertices, dtype=np.float64)
+    if shapes.ndim != 3 or shapes.shape[1:] != (vertex_count, 3):
+        raise InputError(
+            f"vertices: expected (N, {vertex_count}, 3) as the reference has, got {shapes.shape}; "
+            "all shapes must share one connectivity"
+        )
+    bad = np.argwhere(~np.isfinite(shapes))
+    if len(bad):
+        raise InputError(
+            f"vertices{bad[0][:2].tolist()}: {shapes[tuple(bad[0])]} is not a finite position; "
+            "repair or remove the shape"
+        )
+    return shapes
+
+
+def checked_codes(codes: ArrayLike, size: int) -> FloatArray:
+    """Codes (N, size), finite."""
+    array = np.asarray(codes, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != size or not np.isfinite(array).all():
+        raise InputError(f"codes: expected finite numbers of shape (N, {size}), got {array.shape}")
+    return array
+
+
+def checked_handles(
+    vertices: ArrayLike, targets: ArrayLike, vertex_count: int
+) -> tuple[IntArray, FloatArray]:
+    """Handles: vertices (H,), all different, H ≥ 1, and finite targets (H, 3)."""
+    index = np.asarray(vertices)
+    goals = np.asarray(targets, dtype=np.float64)
+    if index.ndim != 1 or len(index) == 0 or not np.issubdtype(index.dtype, np.integer):
+        raise InputError(
+            f"vertices: expected at least one vertex index (H,), got {index.dtype} {index.shape}"
+        )
+    if goals.shape != (len(index), 3):
+        raise InputError(f"targets: expected ({len(index)}, 3), one a handle, got {goals.shape}")
+    for h, vertex in enumerate(index.tolist()):
+        if not 0 <= vertex < vertex_count:
+            raise InputError(
+                f"handle {h}: vertex {vertex} does not exist; the mesh has 0…{vertex_count - 1}"
+            )
+        if not np.isfinite(goals[h]).all():
+            raise InputError(f"handle {h}: target {goals[h].tolist()} is not finite")
+    same = np.flatnonzero(np.bincount(index, minlength=vertex_count) > 1)
+    if len(same):
+        raise InputError(f"vertices: {same[0]} is given twice; give every vertex one target")
+    return index.astype(np.int64), goals
+
+
+def checked_training(shape_count: int, components: int, noise: float | None) -> None:
+    """Enough shapes, at least one component, and a noise that can be divided by."""
+    if shape_count < 2:
+        raise InputError(f"shapes: expected at least 2 training shapes, got {shape_count}")
+    if components < 1:
+        raise InputError(f"components: expected at least 1, got {components}")
+    if noise is not None and not noise > 0:
+        raise InputError(f"noise: expected a positive number, got {noise}")

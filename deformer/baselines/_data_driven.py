@@ -1,0 +1,194 @@
+"""Data-driven deformation: weights of components and vertex positions, solved for together.
+
+After Gao et al., "Sparse Data Driven Mesh Deformation" (arXiv 1709.01250), and the methods before
+it that it shares the energy with: Sumner et al., "Mesh-based Inverse Kinematics" (2005).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from deformer.baselines._descent import damped_step, descend
+from deformer.baselines._gradient_space import GradientSpace
+from deformer.features import features_to_gradients
+from deformer.latent import LatentPrior
+from deformer.mesh import FloatArray, IntArray
+from deformer.rotations import log_to_rotation, right_jacobian
+from deformer.surface import schur_inverse
+
+# Prior standard deviation of the rigid rotation, radians, as in `deformer.objective`.
+_ROTATION_SCALE = 0.3
+# Examples that are started from, beside the mean; steps from each, and of the best one.
+_STARTS = 2
+_FIRST_STEPS = 4
+_STEPS = 30
+_TOLERANCE = 1e-4
+
+
+class DataDrivenDeformation:
+    """Poses a mesh by a few vertices: the mesh closest to some combination of components.
+
+    With h the controlled vertices and Q = exp(ω), minimises over positions p, weights w, ω
+
+        Σ_i Σ_j c_ij ‖(p_i − p_j) − Q T_i(w) (v_i − v_j)‖² / (σ² Σ_i Σ_j c_ij ‖v_i − v_j‖²)
+            + (w − μ)ᵀ Σ⁻¹ (w − μ) + ‖ω‖² / 0.3²      where p_h = q_h.
+
+    The energy is quadratic in p: positions are eliminated through the factored Laplacian and one
+    Green row a controlled vertex, and w and ω follow by damped Gauss–Newton on what is left. It
+    starts from the mean and from the examples of least energy. The first term is free of units
+    and of the number of vertices.
+
+    The paper asks for sparse weights by an ℓ1 term; here they have the Gaussian prior of the
+    training weights (full covariance), which the project's own handle fit has, too, and which is
+    smooth. A global rotation is not in the paper.
+
+    Args:
+        space: the components.
+        prior: of the weights.
+        examples: (N, K) weights of the training shapes.
+    """
+
+    def __init__(self, space: GradientSpace, prior: LatentPrior, examples: FloatArray) -> None:
+        """Decode the examples and find how far their gradients are from those of a mesh."""
+        self.space, self.prior, self.examples = space, prior, examples
+        self.factor = prior.factor
+        poisson = space.poisson
+        v = poisson.reference.vertices
+        i = np.repeat(np.arange(len(v)), np.diff(poisson.indptr))
+        e = v[i] - v[poisson.rings]
+        # Σ_j c_ij e_ij e_ijᵀ of every vertex.
+        self.moments = np.zeros((len(v), 3, 3))
+        np.add.at(self.moments, i, poisson.c[:, None, None] * e[:, :, None] * e[:, None, :])
+        self.size = float(np.trace(self.moments, axis1=1, axis2=2).sum())
+        self._starts = np.vstack([prior.mean[None], examples])
+        evaluated = [self.relaxed(w) for w in self._starts]
+        self._shapes = np.array([p for p, _ in evaluated])
+        self._misfits = np.array([misfit for _, misfit in evaluated])
+        self._green: dict[int, FloatArray] = {}
+
+    def relaxed(self, w: FloatArray) -> tuple[FloatArray, float]:
+        """Centred vertices (V, 3) closest to the gradients of weights w, and the energy left."""
+        T = features_to_gradients(self.space.features(w))
+        b = self.space.poisson.rhs(T)
+        p = self.space.solve(b[None])[0]
+        return p, self.misfit(T, p, b)
+
+    def misfit(self, T: FloatArray, p: FloatArray, b: FloatArray) -> float:
+        """Σ_i Σ_j c_ij ‖(p_i − p_j) − T_i (v_i − v_j)‖² at the p with L p = b(T)."""
+        # Σ_i tr T_i M_i T_iᵀ − 4 tr pᵀ b + 2 tr pᵀ L p
+        return float(np.vdot(T @ self.moments, T) - 2.0 * np.vdot(p, b))
+
+    def green(self, vertices: IntArray) -> FloatArray:
+        """Green rows (H, V); those of the last call are kept."""
+        new = [v for v in dict.fromkeys(vertices.tolist()) if v not in self._green]
+        if new:
+            rows = self.space.poisson.green_rows(new)
+            self._green |= dict(zip(new, rows, strict=True))
+        self._green = {v: self._green[v] for v in vertices.tolist()}
+        return np.array([self._green[v] for v in vertices.tolist()])
+
+    def fit(self, vertices: IntArray, targets: FloatArray, noise: float) -> FloatArray:
+        """The mesh (V, 3) with vertices (H,), all different, at targets (H, 3).
+
+        Args:
+            vertices: at least one.
+            targets: positions.
+            noise: σ, the root mean square strain that weighs as much as one standard deviation
+                of the prior.
+        """
+        G = self.green(vertices)
+        inverse = schur_inverse(G[:, vertices])
+        # Stiffness of the surface against moving the controlled vertices.
+        stiffness = inverse[:-1, :-1]
+        goals = targets - self.space.poisson.centroid
+        control = _Control(self, vertices, G, stiffness, goals, 1.0 / (noise**2 * self.size))
+        d = goals - self._shapes[:, vertices]
+        energy = 2.0 * np.einsum("nha,hg,nga->n", d, stiffness, d) + self._misfits
+        white = np.linalg.solve(self.factor, (self._starts - self.prior.mean).T).T
+        y = np.asarray(white, dtype=np.float64)
+        energy = energy * control.weight + (y**2).sum(axis=1)
+        order = [0, *(1 + np.argsort(energy[1:], kind="stable")[:_STARTS])]
+        found = []
+        for n in order:
+            start = _Fit(control, np.concatenate([y[n], np.zeros(3)]))
+            found.append(descend(start, _FIRST_STEPS, _TOLERANCE))
+        best = descend(min(found, key=lambda point: point.value), _STEPS, _TOLERANCE)
+        d = best.distances
+        p = best.p + np.einsum("vh,ha->va", G.T, stiffness @ d) + inverse[-1, :-1] @ d
+        p = p @ log_to_rotation(best.x[-3:]).T + self.space.poisson.centroid
+        # What rounding leaves is set, so that exact means exact.
+        p[vertices] = targets
+        return p
+
+
+@dataclass(frozen=True, eq=False)
+class _Control:
+    """What does not change during a fit."""
+
+    deformation: DataDrivenDeformation
+    vertices: IntArray
+    green: FloatArray
+    stiffness: FloatArray
+    goals: FloatArray
+    weight: float
+
+
+@dataclass(eq=False)
+class _Fit:
+    """Unknowns x = (y, ω), w = μ + L y, with positions eliminated."""
+
+    control: _Control
+    x: FloatArray
+
+    def __post_init__(self) -> None:
+        control, deformation = self.control, self.control.deformation
+        self.w = deformation.prior.mean + deformation.factor @ self.x[:-3]
+        self.p, misfit = deformation.relaxed(self.w)
+        # In the frame of the model: the rotation is taken off the targets.
+        self.turned = control.goals @ log_to_rotation(self.x[-3:])
+        self.distances = self.turned - self.p[control.vertices]
+        pull = np.vdot(self.distances, control.stiffness @ self.distances)
+        self.ridge = np.ones(len(self.x))
+        self.ridge[-3:] = _ROTATION_SCALE**-2
+        self.value = control.weight * (misfit + 2.0 * float(pull))
+        self.value += float((self.ridge * self.x**2).sum())
+        self._normal: tuple[FloatArray, FloatArray] | None = None
+
+    def normal(self) -> tuple[FloatArray, FloatArray]:
+        """Half the Gauss–Newton matrix (K+3, K+3) and half the gradient (K+3,)."""
+        control, deformation = self.control, self.control.deformation
+        K = len(self.w)
+        _, dT, db = deformation.space.tangents(self.w)
+        dp = deformation.space.solve(db).reshape(K, -1)
+        strained = (dT @ deformation.moments).reshape(K, -1)
+        flat = dT.reshape(K, -1)
+        T = features_to_gradients(deformation.space.features(self.w)).ravel()
+        db = db.reshape(K, -1)
+        inner = strained @ flat.T - 2.0 * dp @ db.T
+        slope = strained @ T - 2.0 * db @ self.p.ravel()
+        L = deformation.factor
+        H = np.zeros((K + 3, K + 3))
+        g = np.zeros(K + 3)
+        H[:-3, :-3] = L.T @ inner @ L
+        g[:-3] = L.T @ slope
+        # Derivative (H, 3, K+3) of the distances of targets from the free surface.
+        J = np.empty((*self.distances.shape, K + 3))
+        J[:, :, :-3] = -(dp.reshape(K, -1, 3)[:, control.vertices].transpose(1, 2, 0) @ L)
+        # ∂(exp(ω)ᵀ q)/∂ω = [exp(ω)ᵀ q]× J_right(ω)
+        turn = right_jacobian(self.x[-3:])
+        J[:, :, -3:] = np.cross(self.turned[:, None, :], turn.T[None]).transpose(0, 2, 1)
+        stiff = np.einsum("hg,gak->hak", control.stiffness, J).reshape(-1, K + 3)
+        H += 2.0 * J.reshape(-1, K + 3).T @ stiff
+        g += 2.0 * stiff.T @ self.distances.ravel()
+        return control.weight * H + np.diag(self.ridge), control.weight * g + self.ridge * self.x
+
+    def step(self, damping: float) -> FloatArray:
+        if self._normal is None:
+            self._normal = self.normal()
+        H, g = self._normal
+        return damped_step(H, g, damping)
+
+    def moved(self, step: FloatArray) -> _Fit:
+        return _Fit(self.control, self.x + step)

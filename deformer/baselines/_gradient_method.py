@@ -1,0 +1,144 @@
+"""What methods share whose features decode to deformation gradients of the vertices."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deformer.baselines._checks import (
+    checked_codes,
+    checked_handles,
+    checked_shapes,
+    checked_training,
+)
+from deformer.baselines._data_driven import DataDrivenDeformation
+from deformer.baselines._gradient_space import GradientSpace
+from deformer.baselines._localised import LocalisedSettings, localised_components
+from deformer.baselines._noise import HandleFit, choose_noise
+from deformer.errors import InputError
+from deformer.features import FeatureExtractor, FeatureScaler
+from deformer.geodesics import Geodesics
+from deformer.latent import fit_prior
+from deformer.mesh import FloatArray, IntArray, MeshSequence
+from deformer.poisson import PoissonSystem
+
+# Root mean square strains that weigh as much as one standard deviation of the prior.
+NOISES = (0.003, 0.006, 0.012, 0.025)
+# Components learned to choose among them need not be finished.
+_ROUNDS_OF_A_TRIAL = 10
+
+
+class GradientMethod:
+    """Codes, shapes and handle fits of a `GradientSpace`; a subclass learns it.
+
+    Args:
+        noise: of handle fits, see `DataDrivenDeformation.fit`; None chooses it from `NOISES` when
+            learning, on training shapes left out.
+    """
+
+    def __init__(self, noise: float | None = None) -> None:
+        """Nothing is learned yet."""
+        self.noise = noise
+        self._deformation: DataDrivenDeformation | None = None
+        self._chosen = 0.0
+
+    def _take(self, deformation: DataDrivenDeformation, noise: float) -> None:
+        """What was learned."""
+        self._deformation, self._chosen = deformation, noise
+
+    def _check_training(self, shape_count: int, components: int) -> None:
+        checked_training(shape_count, components, self.noise)
+
+    def _learned(self) -> DataDrivenDeformation:
+        if self._deformation is None:
+            raise InputError(f"{type(self).__name__} has learned nothing yet; call fit first")
+        return self._deformation
+
+    def _extract(self, vertices: FloatArray) -> FloatArray:
+        """Features (N, V, 9) of shapes (N, V, 3)."""
+        raise NotImplementedError
+
+    def encode(self, vertices: ArrayLike) -> FloatArray:
+        """Codes (N, K) whose features are closest to those of shapes (N, V, 3): least squares."""
+        space = self._learned().space
+        return space.project(self._extract(checked_shapes(vertices, len(space.base))))
+
+    def fit_codes(self, vertices: ArrayLike) -> FloatArray:
+        """Codes (N, K) whose vertices come closest to shapes (N, V, 3), centroids aligned."""
+        deformation = self._learned()
+        shapes = checked_shapes(vertices, len(deformation.space.base))
+        found = [
+            deformation.space.closest(shape, w, deformation.prior)
+            for shape, w in zip(shapes, self.encode(shapes), strict=True)
+        ]
+        return np.array(found).reshape(len(shapes), -1)
+
+    def decode(self, codes: ArrayLike) -> FloatArray:
+        """Shapes (N, V, 3) of codes (N, K), centroids at the reference's."""
+        space = self._learned().space
+        return space.decode(checked_codes(codes, len(space.components)))
+
+    def fit_handles(self, vertices: ArrayLike, targets: ArrayLike) -> FloatArray:
+        """The mesh (V, 3) with vertices (H,) exactly at targets (H, 3)."""
+        deformation = self._learned()
+        index, goals = checked_handles(vertices, targets, len(deformation.space.base))
+        return deformation.fit(index, goals, self._chosen)
+
+
+class GradientSplocsMethod(GradientMethod):
+    """Sparse localised components of rotation vectors and stretches.
+
+    Rotations and stretches are each divided by their range (the paper's scaling, `FeatureScaler`),
+    and components are taken of their differences from the training shapes' mean.
+
+    Args:
+        settings: of the decomposition; None is its default.
+        noise: of handle fits; None chooses it when learning.
+    """
+
+    def __init__(
+        self, settings: LocalisedSettings | None = None, noise: float | None = None
+    ) -> None:
+        """Nothing is learned yet."""
+        super().__init__(noise)
+        self.settings = settings or LocalisedSettings()
+        self._extractor: FeatureExtractor | None = None
+
+    def fit(self, shapes: MeshSequence, components: int, seed: int = 0) -> Self:
+        """Learn K = `components` components; shape 0 is the reference.
+
+        Args:
+            shapes: at least 2 training shapes.
+            components: K.
+            seed: of the control vertices that the noise is chosen with; the rest is not random.
+        """
+        self._check_training(len(shapes), components)
+        reference = shapes.mesh(0)
+        self._extractor = FeatureExtractor(reference)
+        poisson, geodesics = PoissonSystem(reference), Geodesics(reference)
+        q = self._extract(shapes.vertices)
+
+        def learn(q: FloatArray, settings: LocalisedSettings) -> DataDrivenDeformation:
+            gain, base = FeatureScaler.fit(q).gain, q.mean(axis=0)
+            found = localised_components(
+                (q - base) / gain, geodesics.normalised_row, components, settings
+            )
+            space = GradientSpace(poisson, base, found.components * gain, gain)
+            codes = space.project(q)
+            return DataDrivenDeformation(space, fit_prior(codes), codes)
+
+        def trial(kept: IntArray) -> HandleFit:
+            rounds = min(self.settings.rounds, _ROUNDS_OF_A_TRIAL)
+            return learn(q[kept], replace(self.settings, rounds=rounds)).fit
+
+        noise = self.noise or choose_noise(trial, shapes, geodesics, NOISES, seed)
+        self._take(learn(q, self.settings), noise)
+        return self
+
+    def _extractor_in_use(self) -> FeatureExtractor:
+        if self._extractor is None:
+            raise InputError(f"{type(self).__name__} has learned nothing yet; call fit first")
+        return self._extractor

@@ -1,0 +1,27 @@
+"""Sparse localised components of as-consistent-as-possible features."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from deformer.baselines._gradient_method import GradientSplocsMethod
+from deformer.baselines.method import Space
+from deformer.features import extract_all
+from deformer.mesh import FloatArray
+
+
+class AcapSplocs(GradientSplocsMethod):
+    """Sparse localised components of the features that the autoencoder learns from.
+
+    After Gao et al., "Sparse Data Driven Mesh Deformation" (arXiv 1709.01250): rotation vectors
+    chosen as consistently over the mesh as possible, so that turns beyond π stay continuous, and
+    stretches; localised components of them; handle fits as in `DataDrivenDeformation`, where what
+    departs from that paper is said. The decomposition and its constants are those of
+    `LocalisedSettings`, the same for every representation.
+    """
+
+    name: ClassVar[str] = "SPLOCS ACAP"
+    space: ClassVar[Space] = "acap"
+
+    def _extract(self, vertices: FloatArray) -> FloatArray:
+        return extract_all(self._extractor_in_use(), vertices)

@@ -1,0 +1,90 @@
+"""The project's own autoencoder behind the protocol of the compared methods."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deformer import learning
+from deformer.autoencoder import ModelConfig
+from deformer.baselines._checks import checked_codes, checked_handles, checked_shapes
+from deformer.baselines.method import Space
+from deformer.errors import InputError
+from deformer.handles import HandleSolver
+from deformer.mesh import FloatArray, MeshSequence
+from deformer.model import DeformationModel
+
+
+class Autoencoder:
+    """The autoencoder of ACAP features (Tan et al., AAAI 2018) and the project's handle fit.
+
+    Args:
+        model: a trained model, which can be used at once; `fit` replaces it.
+        config: "default", "paper" or a ModelConfig, see `learning.train`.
+        epochs: training steps; None keeps the config's.
+        device: "cpu", "cuda", "mps" or "auto".
+        hard: handles are met exactly, with rigid relaxation; otherwise closely, and the shape is
+            one that the latent code can say.
+    """
+
+    name: ClassVar[str] = "autoencoder"
+    space: ClassVar[Space] = "acap"
+
+    def __init__(
+        self,
+        model: DeformationModel | None = None,
+        *,
+        config: str | ModelConfig = "default",
+        epochs: int | None = None,
+        device: str = "auto",
+        hard: bool = True,
+    ) -> None:
+        """Take over the model, if there is one."""
+        self.config, self.epochs, self.device, self.hard = config, epochs, device, hard
+        self._model = model
+        self._solver: HandleSolver | None = None
+
+    @property
+    def model(self) -> DeformationModel:
+        """The trained model."""
+        if self._model is None:
+            raise InputError("Autoencoder has no model yet; call fit first, or give it one")
+        return self._model
+
+    def fit(self, shapes: MeshSequence, components: int, seed: int = 0) -> Self:
+        """Train with K = `components` latent dimensions; shape 0 is the reference."""
+        self._model = learning.train(
+            shapes,
+            components,
+            config=self.config,
+            epochs=self.epochs,
+            seed=seed,
+            device=self.device,
+        )
+        self._solver = None
+        return self
+
+    def encode(self, vertices: ArrayLike) -> FloatArray:
+        """Codes (N, K) of shapes (N, V, 3) by one pass of the encoder."""
+        return self.model.encode(self._checked(vertices))
+
+    def fit_codes(self, vertices: ArrayLike) -> FloatArray:
+        """Codes (N, K) whose decoded vertices come closest to shapes (N, V, 3)."""
+        return self.model.fit(self._checked(vertices))
+
+    def decode(self, codes: ArrayLike) -> FloatArray:
+        """Shapes (N, V, 3) of codes (N, K), centroids at the reference's."""
+        return self.model.decode(checked_codes(codes, self.model.components))
+
+    def fit_handles(self, vertices: ArrayLike, targets: ArrayLike) -> FloatArray:
+        """The mesh (V, 3) when only vertices (H,) are known to lie at targets (H, 3)."""
+        index, goals = checked_handles(vertices, targets, len(self.model.reference.vertices))
+        if self._solver is None:
+            self._solver = HandleSolver(self.model)
+        self._solver.set_handles(index, goals, hard=self.hard)
+        return np.asarray(self._solver.solve().vertices, dtype=np.float64)
+
+    def _checked(self, vertices: ArrayLike) -> FloatArray:
+        return checked_shapes(vertices, len(self.model.reference.vertices))

@@ -1,0 +1,146 @@
+"""Sparse localised components of edge lengths and dihedral angles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deformer.baselines._checks import (
+    checked_codes,
+    checked_handles,
+    checked_shapes,
+    checked_training,
+)
+from deformer.baselines._edge_space import EdgeDeformation, EdgeSpace
+from deformer.baselines._localised import LocalisedSettings, localised_components
+from deformer.baselines._noise import HandleFit, choose_noise
+from deformer.baselines._shell import Shell
+from deformer.baselines.method import Space
+from deformer.errors import InputError
+from deformer.geodesics import Geodesics
+from deformer.latent import fit_prior
+from deformer.mesh import FloatArray, IntArray, MeshSequence
+from deformer.poisson import PoissonSystem
+from deformer.rotations import log_to_rotation, procrustes, rotation_to_log
+
+# Misfits of an edge's feature that weigh as much as one standard deviation of the prior.
+NOISES = (0.01, 0.03, 0.1)
+_ROUNDS_OF_A_TRIAL = 10
+
+
+class EdgeSplocs:
+    """Sparse localised components of what a surface knows of itself: no rotation occurs in them.
+
+    After Wang et al., "Articulated-Motion-Aware Sparse Localized Decomposition" (2017): components
+    are linear in the changes of edge lengths and dihedral angles against the reference, which
+    `Shell` weighs against each other; sites are edges, their distance is the mean of the geodesic
+    distances of their ends. A shape comes back by the paper's two linear solves (`Connection`),
+    followed by Gauss–Newton on the vertices (Fröhlich and Botsch 2011), which the paper does
+    without. How a few points pose a mesh is `EdgeDeformation`.
+
+    The representation says nothing about where a shape lies. Codes are therefore (N, K + 3): the
+    weights, then the rotation vector of the shape's frame, three numbers more than other methods
+    have.
+
+    Args:
+        settings: of the decomposition; None is its default.
+        noise: of handle fits, see `EdgeDeformation.fit`; None chooses it from `NOISES` when
+            learning, on training shapes left out.
+    """
+
+    name: ClassVar[str] = "SPLOCS edges"
+    space: ClassVar[Space] = "edges"
+
+    def __init__(
+        self, settings: LocalisedSettings | None = None, noise: float | None = None
+    ) -> None:
+        """Nothing is learned yet."""
+        self.settings = settings or LocalisedSettings()
+        self.noise = noise
+        self._deformation: EdgeDeformation | None = None
+        self._chosen = 0.0
+
+    def fit(self, shapes: MeshSequence, components: int, seed: int = 0) -> Self:
+        """Learn K = `components` components; shape 0 is the reference.
+
+        Args:
+            shapes: at least 2 training shapes.
+            components: K.
+            seed: of the control vertices that the noise is chosen with; the rest is not random.
+        """
+        checked_training(len(shapes), components, self.noise)
+        reference = shapes.mesh(0)
+        shell, poisson, geodesics = Shell(reference), PoissonSystem(reference), Geodesics(reference)
+        features = np.stack([shell.features(p) for p in shapes.vertices])
+        ends = shell.hinges[:, :2]
+
+        def distances(edge: int) -> FloatArray:
+            a, b = (geodesics.normalised_row(int(end)) for end in ends[edge])
+            return 0.25 * (a + b)[ends].sum(axis=1)
+
+        def learn(kept: IntArray, settings: LocalisedSettings) -> EdgeDeformation:
+            base = features[kept].mean(axis=0)
+            found = localised_components(features[kept] - base, distances, components, settings)
+            space = EdgeSpace(shell, poisson, base, found.components)
+            codes = space.project(features[kept])
+            return EdgeDeformation(space, fit_prior(codes), shapes.vertices[kept], codes)
+
+        def trial(kept: IntArray) -> HandleFit:
+            rounds = min(self.settings.rounds, _ROUNDS_OF_A_TRIAL)
+            return learn(kept, replace(self.settings, rounds=rounds)).fit
+
+        self._chosen = self.noise or choose_noise(trial, shapes, geodesics, NOISES, seed)
+        self._deformation = learn(np.arange(len(shapes)), self.settings)
+        return self
+
+    def encode(self, vertices: ArrayLike) -> FloatArray:
+        """Codes (N, K + 3) of shapes (N, V, 3): least squares on features, then the frame."""
+        space = self._learned().space
+        shapes = self._checked(vertices)
+        w = space.project(np.array([space.shell.features(p) for p in shapes]))
+        return self._with_frames(w, shapes)
+
+    def fit_codes(self, vertices: ArrayLike) -> FloatArray:
+        """Codes (N, K + 3) whose vertices come closest to shapes (N, V, 3)."""
+        deformation = self._learned()
+        space = deformation.space
+        shapes = self._checked(vertices)
+        w = space.project(np.array([space.shell.features(p) for p in shapes]))
+        found = [space.closest(p, row, deformation.prior) for p, row in zip(shapes, w, strict=True)]
+        return self._with_frames(np.array(found), shapes)
+
+    def decode(self, codes: ArrayLike) -> FloatArray:
+        """Shapes (N, V, 3) of codes (N, K + 3), centroids at the reference's."""
+        space = self._learned().space
+        rows = checked_codes(codes, len(space.components) + 3)
+        centre = space.poisson.centroid
+        p = np.empty((len(rows), *space.shell.reference.vertices.shape))
+        for n, row in enumerate(rows):
+            p[n] = (space.decode(row[:-3]) - centre) @ log_to_rotation(row[-3:]).T + centre
+        return p
+
+    def fit_handles(self, vertices: ArrayLike, targets: ArrayLike) -> FloatArray:
+        """The mesh (V, 3) with vertices (H,) exactly at targets (H, 3)."""
+        deformation = self._learned()
+        V = len(deformation.space.shell.reference.vertices)
+        return deformation.fit(*checked_handles(vertices, targets, V), self._chosen)
+
+    def _learned(self) -> EdgeDeformation:
+        if self._deformation is None:
+            raise InputError("EdgeSplocs has learned nothing yet; call fit first")
+        return self._deformation
+
+    def _checked(self, vertices: ArrayLike) -> FloatArray:
+        V = len(self._learned().space.shell.reference.vertices)
+        return checked_shapes(vertices, V)
+
+    def _with_frames(self, w: FloatArray, shapes: FloatArray) -> FloatArray:
+        """Weights (N, K) and the rotation vectors that lay their shapes on `shapes` best."""
+        space = self._learned().space
+        turned = np.empty((len(w), 3))
+        for n, row in enumerate(w):
+            turned[n] = rotation_to_log(procrustes(space.decode(row), shapes[n])[0])
+        return np.column_stack([w, turned])

@@ -1,0 +1,117 @@
+"""The autoencoder's components, combined linearly: what its non-linear decoder adds."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Self
+
+import numpy as np
+
+from deformer import learning
+from deformer.autoencoder import ModelConfig
+from deformer.baselines._data_driven import DataDrivenDeformation
+from deformer.baselines._gradient_method import NOISES, GradientMethod
+from deformer.baselines._gradient_space import GradientSpace
+from deformer.baselines._noise import HandleFit, choose_noise
+from deformer.baselines.method import Space
+from deformer.errors import InputError
+from deformer.features import extract_all
+from deformer.latent import fit_prior
+from deformer.mesh import FloatArray, IntArray, MeshSequence
+from deformer.model import DeformationModel
+
+
+class LinearComponents(GradientMethod):
+    """Linear use of a trained autoencoder's components (Tan et al., AAAI 2018, an ablation there).
+
+    Component k is the change of the features from the reference to its representative shape, which
+    the paper defines in its section on component analysis: of the two latent codes that are the
+    reference's but for entry k at its least or greatest value over the training shapes, the one
+    whose features lie farther from the reference's. Features are the reference's plus a linear
+    combination of these changes, with weights by linear least squares in scaled features.
+    Handle fits are `DataDrivenDeformation`'s.
+
+    Args:
+        model: a trained model; None trains one on the shapes given to `fit`.
+        config, epochs, device: of that training, see `learning.train`.
+        noise: of handle fits; None chooses it when learning. The components stay those of all
+            training shapes then; only the prior is without the shapes left out.
+    """
+
+    name: ClassVar[str] = "linear components"
+    space: ClassVar[Space] = "acap"
+
+    def __init__(
+        self,
+        model: DeformationModel | None = None,
+        *,
+        config: str | ModelConfig = "default",
+        epochs: int | None = None,
+        device: str = "auto",
+        noise: float | None = None,
+    ) -> None:
+        """Nothing is learned yet, even where a model is given: weights need the shapes."""
+        super().__init__(noise)
+        self.config, self.epochs, self.device = config, epochs, device
+        self._given = model
+        self._model: DeformationModel | None = None
+
+    def fit(self, shapes: MeshSequence, components: int, seed: int = 0) -> Self:
+        """Learn K = `components` components; shape 0 is the reference.
+
+        Raises:
+            InputError: a given model has other components, or was not made for these shapes.
+        """
+        self._check_training(len(shapes), components)
+        model = self._given
+        if model is None:
+            model = learning.train(
+                shapes,
+                components,
+                config=self.config,
+                epochs=self.epochs,
+                seed=seed,
+                device=self.device,
+            )
+        if model.components != components:
+            raise InputError(
+                f"components: the given model has {model.components}, got {components}; "
+                "ask for as many, or give no model"
+            )
+        if not np.array_equal(model.reference.faces, shapes.faces):
+            raise InputError("shapes: not of the connectivity that the given model was trained on")
+        self._model = model
+        q = self._extract(shapes.vertices)
+        base, changes = _representatives(model, shapes.vertices[:1])
+        space = GradientSpace(model.poisson, base, changes, model.scaler.gain)
+        codes = space.project(q)
+
+        def trial(kept: IntArray) -> HandleFit:
+            return DataDrivenDeformation(space, fit_prior(codes[kept]), codes[kept]).fit
+
+        noise = self.noise or choose_noise(trial, shapes, model.geodesics, NOISES, seed)
+        self._take(DataDrivenDeformation(space, fit_prior(codes), codes), noise)
+        return self
+
+    def _extract(self, vertices: FloatArray) -> FloatArray:
+        if self._model is None:
+            raise InputError("LinearComponents has learned nothing yet; call fit first")
+        return extract_all(self._model.extractor, vertices)
+
+
+def _representatives(
+    model: DeformationModel, reference: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Decoded features (V, 9) of the reference, and their changes (K, V, 9) by components."""
+    z = model.encode(reference)[0]
+    base = model.decoder.features(z)
+    gain = model.scaler.gain
+    ends = model.codes.min(axis=0), model.codes.max(axis=0)
+    changes = np.empty((model.components, *base.shape))
+    for k in range(model.components):
+        candidates = []
+        for end in ends:
+            moved = z.copy()
+            moved[k] = end[k]
+            candidates.append(model.decoder.features(moved) - base)
+        changes[k] = max(candidates, key=lambda change: float(((change / gain) ** 2).sum()))
+    return base, changes
