@@ -247,7 +247,7 @@ def _rotation_step(B: Tensor) -> Tensor:
     scale = torch.maximum(trace.abs(), axial.norm(dim=-1, keepdim=True)) + 1e-30
     axial, eye = axial / scale, torch.eye(3, device=B.device)
     symmetric = 0.5 * (B + B.transpose(-1, -2))
-    hessian = (trace[..., None] * eye - symmetric) / scale[..., None] + DAMPING * eye
+    hessian = (trace[..., None] * eye - symmetric) / scale[..., None] + float(DAMPING) * eye
     x, y, z = hessian.unbind(-2)
     cross = torch.linalg.cross
     adjugate = torch.stack([cross(y, z), cross(z, x), cross(x, y)], -2)
@@ -255,7 +255,7 @@ def _rotation_step(B: Tensor) -> Tensor:
     definite = (x[..., :1] > 0) & (adjugate[..., 2, 2:] > 0) & (det > DAMPING**2)
     newton = (adjugate @ axial[..., None])[..., 0] / torch.where(definite, det, 1.0)
     half = 0.5 * torch.where(definite, newton, axial)
-    half = half * (FARTHEST / (half.norm(dim=-1, keepdim=True) + 1e-15)).clamp(max=1.0)
+    half = half * (float(FARTHEST) / (half.norm(dim=-1, keepdim=True) + 1e-15)).clamp(max=1.0)
     return torch.cat([torch.ones_like(trace), half], -1)
 
 

@@ -8,17 +8,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from shutil import rmtree
-from typing import ClassVar
-
-from numpy.typing import ArrayLike
 
 from deformer.autoencoder import resolve_config
 from deformer.baselines import METHODS
-from deformer.baselines.method import Poser, Space
-from deformer.errors import InputError
-from deformer.handles import HandleSolver
+from deformer.baselines.autoencoder import Autoencoder
+from deformer.baselines.linear_components import LinearComponents
+from deformer.baselines.method import Poser
 from deformer.learning import train
-from deformer.mesh import FloatArray, MeshSequence
+from deformer.mesh import MeshSequence
 from deformer.model import DeformationModel, load_model
 from deformer.training import has_checkpoint
 
@@ -58,41 +55,6 @@ class Setting:
         return "λ {:g} {:g}".format(*self.lambdas) if self.lambdas else ""
 
 
-class Network:
-    """A trained model as one of the compared methods."""
-
-    name: ClassVar[str] = "autoencoder"
-    space: ClassVar[Space] = "acap"
-
-    def __init__(self, model: DeformationModel) -> None:
-        """Prepare to pose the model."""
-        self.model = model
-        self._solver: HandleSolver | None = None
-
-    def fit(self, shapes: MeshSequence, components: int, seed: int = 0) -> Network:
-        """Refuse: this one is trained."""
-        raise InputError(f"{self.name}: is trained already; train another with deformer.train")
-
-    def encode(self, vertices: ArrayLike) -> FloatArray:
-        """Codes (N, K) by the encoder."""
-        return self.model.encode(vertices)
-
-    def fit_codes(self, vertices: ArrayLike) -> FloatArray:
-        """Codes (N, K) by a search."""
-        return self.model.fit(vertices)
-
-    def decode(self, codes: ArrayLike) -> FloatArray:
-        """Shapes (N, V, 3)."""
-        return self.model.decode(codes)
-
-    def fit_handles(self, vertices: ArrayLike, targets: ArrayLike) -> FloatArray:
-        """The mesh (V, 3) with exact handles, found anew, whatever was asked before."""
-        if self._solver is None:
-            self._solver = HandleSolver(self.model)
-        self._solver.set_handles(vertices, targets, hard=True)
-        return self._solver.solve().vertices
-
-
 @dataclass(frozen=True)
 class NetworkMethod:
     """A method that stands on one of the project's networks.
@@ -110,8 +72,9 @@ class NetworkMethod:
 
 # By name, in the order of tables, before the methods of `deformer.baselines`.
 NETWORKS = {
-    "autoencoder": NetworkMethod("default", Network),
-    "autoencoder-paper": NetworkMethod("paper", Network),
+    "autoencoder": NetworkMethod("default", Autoencoder),
+    "autoencoder-paper": NetworkMethod("paper", Autoencoder),
+    "linear-components": NetworkMethod("paper", LinearComponents, learns=True),
 }
 
 
@@ -149,7 +112,7 @@ def trained(
     """
     if setting.model is not None:
         model = load_model(setting.model)
-        return Network(model), float(model.summary["seconds"])
+        return Autoencoder(model), float(model.summary["seconds"])
     begun = time.perf_counter()
     if cache is None:
         return METHODS[method]().fit(shapes, components, seed), time.perf_counter() - begun
