@@ -252,7 +252,7 @@ def _rotation_step(B: Tensor) -> Tensor:
     cross = torch.linalg.cross
     adjugate = torch.stack([cross(y, z), cross(z, x), cross(x, y)], -2)
     det = (x * adjugate[..., 0, :]).sum(-1, keepdim=True)
-    definite = (x[..., :1] > 0) & (adjugate[..., 2, 2:] > 0) & (det > DAMPING**2)
+    definite = (x[..., :1] > 0) & (adjugate[..., 2, 2:] > 0) & (det > float(DAMPING) ** 2)
     newton = (adjugate @ axial[..., None])[..., 0] / torch.where(definite, det, 1.0)
     half = 0.5 * torch.where(definite, newton, axial)
     half = half * (float(FARTHEST) / (half.norm(dim=-1, keepdim=True) + 1e-15)).clamp(max=1.0)
