@@ -167,7 +167,7 @@ class DeformationModel:
         value, residual = energy(z)
         damping = 1e-4
         for _ in range(iterations):
-            J = self._tangents(z)
+            J = self.tangents(z)
             H = J @ J.T + pull
             gradient = J @ residual.ravel() + pull @ (z - self.prior.mean)
             while damping < 1e6:
@@ -185,8 +185,8 @@ class DeformationModel:
                 break
         return z
 
-    def _tangents(self, z: FloatArray) -> FloatArray:
-        """Derivative (K, 3V) of the decoded positions, centroid fixed."""
+    def tangents(self, z: FloatArray) -> FloatArray:
+        """Derivative (K, 3V) of the decoded positions by the latent code z (K,), centroid fixed."""
         q, dq = self.decoder.differential(z)
         rows = []
         for start in range(0, len(dq), _TANGENT_BATCH):
