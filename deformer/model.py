@@ -76,6 +76,20 @@ class DeformationModel:
         return self.prior.covariance
 
     @cached_property
+    def fingerprint(self) -> str:
+        """SHA-256 of all that decides a pose: reference, network, scaling and statistics."""
+        digest = hashlib.sha256()
+        scaler = self.scaler
+        bounds = [scaler.r_min, scaler.r_max, scaler.s_min, scaler.s_max]
+        arrays = [self.reference.vertices, self.reference.faces, self.codes, np.array(bounds)]
+        arrays += [self.prior.mean, self.prior.covariance]
+        arrays += [tensor.numpy() for _, tensor in sorted(self.network.state_dict().items())]
+        for array in arrays:
+            digest.update(f"{array.dtype.str} {array.shape}\n".encode())
+            digest.update(np.ascontiguousarray(array))
+        return digest.hexdigest()
+
+    @cached_property
     def extractor(self) -> FeatureExtractor:
         """Feature extraction against the reference."""
         return FeatureExtractor(self.reference)
