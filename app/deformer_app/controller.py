@@ -389,8 +389,6 @@ class _Placing:
 class _Exact:
     """A drag of a part of the manipulator."""
 
-    _LABELS = {"r": "Rotate", "s": "Scale"}
-
     def __init__(self, stage: Stage, part: str, pixel: Pixel) -> None:
         gizmo = stage.gizmo
         assert gizmo is not None
@@ -404,7 +402,7 @@ class _Exact:
             self._stage.move_selected(motion)
 
     def release(self, keys: Keys) -> None:
-        self._stage.commit(self._LABELS.get(self._part[0], "Move"))
+        self._stage.commit({"r": "Rotate", "s": "Scale"}.get(self._part[0], "Move"))
 
     def cancel(self) -> None:
         self._stage.revert()

@@ -121,9 +121,8 @@ class Gizmo:
         if part in AXES:
             a, b = (ray.along(centre, _axis(part)) for ray in (first, second))
             return None if a is None or b is None else translation((b - a) * _axis(part))
-        normal = (
-            _axis(part[1]) if part.startswith("r") else np.cross(_axis(part[0]), _axis(part[1]))
-        )
+        turns = part.startswith("r")
+        normal = _axis(part[1]) if turns else np.cross(_axis(part[0]), _axis(part[1]))
         p, q = (ray.on_plane(centre, normal) for ray in (first, second))
         if p is None or q is None:
             return None
