@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -20,9 +20,11 @@ import deformer
 from deformer import DeformationModel, InputError, Mesh, io
 from deformer.geodesics import spread
 from deformer_app.camera import Camera, aim, upright_axes
+from deformer_app.colouring import Paint
 from deformer_app.controller import Controller, Hover, Pixel
 from deformer_app.gizmo import Gizmo, Mode, Motion
 from deformer_app.mesh_view import DARK, KIND_COLOURS, LIGHT, SELECTED, Marks, MeshView
+from deformer_app.pictures import save_picture
 from deformer_app.posing import Answer, Poser, Request
 from deformer_app.session import Body, Edit, Handle, Kind, ModelName, Session, Solution, point
 from deformer_app.solver_thread import SolverThread
@@ -32,7 +34,6 @@ _HOLDS = 8
 _REST = 0.25  # seconds without change after which the picture is drawn sharply
 _LATE = 0.03  # seconds that marks wait for the pose they belong to
 _NEAR = 10.0  # pixels from a handle within which the mouse takes it
-_BALL = {"soft": 14, "exact": 14, "pin": 14}
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,8 @@ class Editor:
         self._changed_at = 0.0
         self._jobs: list[Iterator[None]] = []
         self.on_frame: Callable[[], None] | None = None
+        self.message = ""
+        self._paint: Paint | None = None
 
     # Models and sessions.
 
@@ -352,6 +355,7 @@ class Editor:
         """The camera has another place."""
         self.view.look(self.camera)
         self._touch()
+        self._emit("camera")
 
     # Commands.
 
@@ -472,6 +476,26 @@ class Editor:
             self._symmetry = deformer.find_symmetry(self.model.reference)
         return self._symmetry
 
+    @property
+    def activations(self) -> deformer.Activations | None:
+        """Strengths and limits of the components, once they have been measured."""
+        return None if self.answer is None else self.answer.activations
+
+    def preview(self, component: int | None) -> None:
+        """Colour the surface by the support of a component, or as before."""
+        if self.activations is None:
+            return
+        if component is None:
+            self.view.paint(None if self.answer is None else self._paint)
+        else:
+            support = self.activations.support(component)
+            self.view.paint(Paint(support, "vertices", f"component {component}", (0.0, 1.0)))
+        self._touch()
+
+    def find_symmetry(self) -> None:
+        """Find the mirror plane again after `tell_symmetry`."""
+        self._symmetry = None
+
     def tell_symmetry(self, axis: str) -> None:
         """Mirror about the plane through the reference's middle across "x", "y" or "z"."""
         reference = self.model.reference
@@ -532,6 +556,7 @@ class Editor:
         ghosts = {"reference": self.model.reference, "target": self.target, "none": None}
         view.show_ghost(ghosts[look.ghost])
         if before.colour != look.colour:
+            self._paint = None
             view.paint(None)
             self.ask(self.answer.solution if self._is_final() else None)
         self._touch()
@@ -569,6 +594,10 @@ class Editor:
         )
         self.camera_moved()
 
+    def screenshot(self, path: str | Path) -> None:
+        """Write the picture as it is, sharply."""
+        save_picture(path, self.view.picture())
+
     def export_pose(self, path: str | Path) -> None:
         """Write the surface that is shown as a mesh file."""
         io.save_mesh(path, Mesh(self.vertices, self.model.reference.faces))
@@ -605,6 +634,27 @@ class Editor:
         """Whether an answer or a frame is still to come."""
         solving = self._thread is not None and self._thread.busy
         return solving or self._dirty or bool(self._jobs)
+
+    @property
+    def idle(self) -> bool:
+        """Whether `tick` has nothing to do until something changes."""
+        return not (self.busy or self.controller.dragging) and self.view.is_sharp
+
+    @property
+    def hint(self) -> str:
+        """A line that says what the mouse would do here."""
+        found = self._hover
+        if self.preparing:
+            return "Preparing the solver (the first time takes half a minute) …"
+        if self.mode == "paint":
+            return "Paint a patch with the left button; Esc gives up"
+        if found.part is not None:
+            return "Drag to move exactly along this part; Shift for a finer step"
+        if found.handle is not None:
+            return "Drag the handle; S soft, E exact, P pin, Del removes it"
+        if found.vertex is not None:
+            return f"Vertex {found.vertex}: click to hold it, drag to pull it"
+        return "Drag the body to bend it, beside it to look around.  F1: all keys"
 
     @property
     def preparing(self) -> bool:
@@ -647,6 +697,7 @@ class Editor:
         self.answer = answer
         self.view.move_mesh(answer.pose.vertices, answer.normals)
         if answer.paint is not None:
+            self._paint = answer.paint
             self.view.paint(answer.paint)
         if answer.final:
             self.session.solved(answer.request.edit, answer.solution)
@@ -737,7 +788,11 @@ def _portable(path: str | Path) -> str:
     return str(path) if str(path) in deformer.shipped_models() else str(Path(path).resolve())
 
 
-def selected_or_all(editor: Editor) -> Sequence[Handle]:
-    """The selected handles, or all if none is."""
-    held = [handle for handle in editor.edit.handles if handle.id in editor.selected]
-    return held or editor.edit.handles
+def opening(model: str | None, session: Path | None) -> tuple[str, Session | None]:
+    """The model to open first, and the session to open with it.
+
+    Raises:
+        InputError: the session is damaged or missing.
+    """
+    saved = Session.load(session) if session is not None else None
+    return model or (saved.model.path if saved else "humanoid"), saved

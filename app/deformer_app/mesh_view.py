@@ -14,9 +14,15 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 from numpy.typing import ArrayLike, NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkCommand
 from vtkmodules.vtkInteractionStyle import vtkInteractorStyleUser
-from vtkmodules.vtkRenderingCore import vtkCellPicker, vtkRenderer
+from vtkmodules.vtkRenderingCore import (
+    vtkCellPicker,
+    vtkRenderer,
+    vtkTextActor,
+    vtkWindowToImageFilter,
+)
 
 from deformer import Mesh
 from deformer_app.camera import Camera
@@ -88,7 +94,7 @@ class MeshView:
         self._paint: Paint | None = None
         self._smooth = True
         self._edges = False
-        self._sharp = True
+        self._sharp = False
         self._picker = vtkCellPicker()
         self._picker.SetTolerance(0.0)
         self._picker.PickFromListOn()
@@ -104,6 +110,7 @@ class MeshView:
         self._residuals, self._targets = Strokes(self._overlay, 2.5), Dots(self._overlay, 9)
         self._gizmo, self._gizmo_lit = Strokes(self._overlay, 3.5), Strokes(self._overlay, 5.5)
         self._tips, self._box = Dots(self._overlay, 11), Strokes(self._overlay, 1.5)
+        self._texts = self._add_texts()
         self.set_theme(theme)
 
     def _add_overlay(self) -> vtkRenderer:
@@ -128,6 +135,9 @@ class MeshView:
         """Change the colours."""
         self.theme = theme
         self.plotter.set_background(theme.background, top=theme.horizon)
+        for text in self._texts.values():
+            text.GetTextProperty().SetColor(*pv.Color(theme.ink).float_rgb)
+            text.GetTextProperty().SetBackgroundColor(*pv.Color(theme.background).float_rgb)
         if "mesh" in self._actors:
             self._dress()
         if "ghost" in self._actors:
@@ -407,10 +417,55 @@ class MeshView:
         self._overlay.SetUseFXAA(sharp)
         return True
 
+    @property
+    def is_sharp(self) -> bool:
+        """Whether anti-aliasing is on."""
+        return self._sharp
+
+    def grab(self) -> Picture:
+        """The frame that was drawn last, (height, width, 3)."""
+        reader = vtkWindowToImageFilter()
+        reader.SetInput(self.plotter.render_window)
+        reader.SetInputBufferTypeToRGB()
+        reader.ReadFrontBufferOff()
+        reader.ShouldRerenderOff()
+        reader.Update()
+        image = reader.GetOutput()
+        width, height, _ = image.GetDimensions()
+        pixels = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(height, width, 3)
+        return np.ascontiguousarray(pixels[::-1])
+
     def picture(self) -> Picture:
-        """What is drawn, (height, width, 3)."""
-        image = self.plotter.screenshot(return_img=True)
-        return np.ascontiguousarray(np.asarray(image)[..., :3], dtype=np.uint8)
+        """A sharp frame, (height, width, 3)."""
+        self.sharpen(True)
+        self.render()
+        return self.grab()
+
+    def write(self, place: str, text: str) -> None:
+        """Write lines into the "bottom" left corner, the "top" right one, or the "middle"."""
+        self._texts[place].SetInput(text)
+        self._texts[place].SetVisibility(bool(text))
+
+    def _add_texts(self) -> dict[str, vtkTextActor]:
+        texts = {}
+        for place, x, y in (("bottom", 0.015, 0.02), ("top", 0.985, 0.98), ("middle", 0.5, 0.5)):
+            text = vtkTextActor()
+            text.GetPositionCoordinate().SetCoordinateSystemToNormalizedViewport()
+            text.SetPosition(x, y)
+            style = text.GetTextProperty()
+            style.SetFontSize(14)
+            if place == "top":
+                style.SetJustificationToRight()
+                style.SetVerticalJustificationToTop()
+            elif place == "middle":
+                style.SetFontFamilyToCourier()
+                style.SetJustificationToCentered()
+                style.SetVerticalJustificationToCentered()
+                style.SetBackgroundOpacity(0.9)
+            text.VisibilityOff()
+            self._overlay.AddViewProp(text)
+            texts[place] = text
+        return texts
 
     # Listening.
 

@@ -52,6 +52,7 @@ class Answer:
         error: E_rms against the target, nothing aligned, if there is one.
         suggestion: vertex of the next handle, where that was asked for by colour.
         final: nothing better will follow.
+        activations: strengths and limits of the components, once they are known.
     """
 
     request: Request
@@ -62,6 +63,7 @@ class Answer:
     error: float | None
     suggestion: int | None
     final: bool
+    activations: deformer.Activations | None
 
     @property
     def solution(self) -> Solution:
@@ -84,9 +86,19 @@ class Poser:
         self._familiarity = deformer.Familiarity(model)
         self.colouring = Colouring(model)
         self._taken: Edit | None = None
+        self._activations: deformer.Activations | None = None
 
     def __call__(self, request: Request) -> Iterator[Answer]:
         """Answers that get better and better; the last one is final unless more is to follow."""
+        answer = None
+        for answer in self._improve(request):
+            yield answer
+        if self._activations is None and answer is not None and answer.final:
+            # Seconds on a large mesh: the user has the pose by then.
+            self._activations = self.colouring.activations
+            yield replace(answer, activations=self._activations)
+
+    def _improve(self, request: Request) -> Iterator[Answer]:
         pose = self.begin(request.edit, request.solution)
         settled = request.solution is not None or not request.edit.handles
         if settled:
@@ -115,15 +127,13 @@ class Poser:
 
     def settle(self, edit: Edit) -> Pose:
         """The final pose of an edit, as a window would show it after the mouse is released."""
-        answers = list(self(Request(edit)))
-        return answers[-1].pose
+        return list(self._improve(Request(edit)))[-1].pose
 
     def _rest(self, pose: Pose) -> Pose:
         """The pose as a function of its code and handles alone; see HandleSolver.resume."""
         if not any(handle.hard for handle in self._solver.handles):
             return pose
-        rest = self._solver.resume(pose.z, pose.rotation, pose.translation)
-        return replace(rest, milliseconds=rest.milliseconds)
+        return self._solver.resume(pose.z, pose.rotation, pose.translation)
 
     def _take(self, edit: Edit) -> None:
         """Bring what has changed since the last edit to the solver."""
@@ -154,6 +164,7 @@ class Poser:
             None if target is None else deformer.e_rms(target, pose.vertices, "none"),
             suggestion,
             final,
+            self._activations,
         )
 
 

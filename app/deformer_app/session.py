@@ -241,6 +241,10 @@ class Session:
         """Whether something would be lost without saving."""
         return self.under_way or self._saved is not self.entry
 
+    def mark_unsaved(self) -> None:
+        """Count as unsaved, as what a crash has left does."""
+        self._saved = None
+
     def next_id(self) -> int:
         """An id that no handle of the history has."""
         used = [h.id for entry in self.entries for h in entry.edit.handles]
