@@ -210,7 +210,8 @@ class HandleSolver:
         if on is not None:
             centre = self._code(on)
             objective = replace(objective, prior=LatentPrior(centre, before.prior.covariance))
-            white = np.linalg.solve(objective.factor, (self.model.codes - centre).T).T
+            away = np.linalg.solve(objective.factor, (self.model.codes - centre).T).T
+            white: FloatArray = np.asarray(away, dtype=np.float64)
             self._candidates = white[spread(white, _CANDIDATES)]
         self._objective = objective
         self._correction = self._corrected_at = self._asked = None

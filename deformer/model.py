@@ -86,7 +86,7 @@ class DeformationModel:
         arrays += [tensor.numpy() for _, tensor in sorted(self.network.state_dict().items())]
         for array in arrays:
             digest.update(f"{array.dtype.str} {array.shape}\n".encode())
-            digest.update(np.ascontiguousarray(array))
+            digest.update(array.tobytes())
         return digest.hexdigest()
 
     @cached_property

@@ -163,7 +163,8 @@ class HandleObjective:
 
     def unknowns(self, z: FloatArray, rotation: FloatArray, move: FloatArray) -> FloatArray:
         """Unknowns x of a latent code (K,) and a rigid motion; the inverse of `code`."""
-        return np.concatenate([np.linalg.solve(self.factor, z - self.prior.mean), rotation, move])
+        y = np.linalg.solve(self.factor, z - self.prior.mean)
+        return np.asarray(np.concatenate([y, rotation, move]), dtype=np.float64)
 
     def motion(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rigid motion of points given relative to the centroid: rotation (3, 3), origin (3,)."""
@@ -268,7 +269,8 @@ class HandleObjective:
         """
         active = self.size if self.rigid else self.size - 6
         J = self._jacobian(x, p, dp)[:, :active]
-        return np.linalg.inv(J.T @ J + np.diag(self.stiffness[:active]))
+        H = J.T @ J + np.diag(self.stiffness[:active])
+        return np.asarray(np.linalg.inv(H), dtype=np.float64)
 
     def _jacobian(self, x: FloatArray, p: FloatArray, dp: FloatArray) -> FloatArray:
         """Derivative (3H, K+6) of the misfit."""

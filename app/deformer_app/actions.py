@@ -117,6 +117,10 @@ def _load_target(shell: Shell) -> None:
     _with(shell.ask_open("Load target mesh", MESH_FILES), shell.editor.load_target)
 
 
+def _start_from_mesh(shell: Shell) -> None:
+    _with(shell.ask_open("Start from mesh", MESH_FILES), shell.editor.start_from_mesh)
+
+
 def _screenshot(shell: Shell) -> None:
     path = shell.ask_save("Screenshot", "deformer.png", "Pictures (*.png *.jpg)")
     _with(path, shell.editor.screenshot)
@@ -182,6 +186,8 @@ ACTIONS: Sequence[Action] = (
     Action("Edit", "Reset to reference", lambda s: s.editor.reset(), "Ctrl+0"),
     Action("Edit", "Start from this pose", lambda s: s.editor.use_as_base(), "Ctrl+B",
            "From now on the prior leans on what is shown"),
+    Action("Edit", "Start from mesh…", _start_from_mesh, "",
+           "The pose closest to a mesh of the same connectivity", dialog=True),
     Action("Handles", "Soft", lambda s: s.editor.set_kind("soft"), "S",
            "Close to its target; the examples have a say"),
     Action("Handles", "Exact", lambda s: s.editor.set_kind("exact"), "E", "On its target"),

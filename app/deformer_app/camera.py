@@ -144,7 +144,7 @@ class Ray:
         across = 1.0 - (a @ d) ** 2
         if across < 1e-4:
             return None
-        gap = self.origin - point
+        gap = self.origin - np.asarray(point)
         return float((gap @ a - (gap @ d) * (a @ d)) / across)
 
     def on_plane(self, point: ArrayLike, normal: ArrayLike) -> NDArray[np.float64] | None:

@@ -82,6 +82,4 @@ class Colouring:
     def of_uncertainty(self, found: Uncertainty) -> Paint:
         """Colours of what another handle would tell."""
         percent = 100.0 * found.gain
-        return Paint(
-            percent, "vertices", "% of the uncertainty", (0.0, max(float(percent.max()), 1.0))
-        )
+        return Paint(percent, "vertices", "% uncertainty", (0.0, max(float(percent.max()), 1.0)))

@@ -6,6 +6,7 @@ there is time, and listens to `on_change`.
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -174,8 +175,8 @@ class Editor:
         try:
             kept = seen.get("camera")
             if kept:
-                places = [point(kept[name]) for name in ("position", "focal", "up")]
-                self.camera = Camera(*places, float(kept["view_angle"]))
+                position, focal, up = (point(kept[n]) for n in ("position", "focal", "up"))
+                self.camera = Camera(position, focal, up, float(kept["view_angle"]))
             look = Look(**seen.get("look", {}))
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"session: damaged view ({error}); remove 'view' from it") from error
@@ -400,6 +401,35 @@ class Editor:
         base = tuple(float(value) for value in np.asarray(code))
         self.change(f"Start from {name}", replace(self.edit, base=base, handles=()))
 
+    def start_from_mesh(self, path: str | Path) -> None:
+        """Lean on the code whose shape comes closest to a mesh; found beside the window.
+
+        Raises:
+            InputError: it has another number of vertices.
+        """
+        mesh, model, found = self._load_alike(path), self.model, []
+        worker = threading.Thread(target=lambda: found.append(model.fit(mesh.vertices)))
+
+        def wait() -> Iterator[None]:
+            worker.start()
+            while worker.is_alive():
+                yield
+            if not found:
+                raise InputError(f"{path}: no code could be fitted to it; check the mesh")
+            if self._model is model:
+                self.start_from(Path(path).name, found[0])
+
+        self.run(wait())
+
+    def _load_alike(self, path: str | Path) -> Mesh:
+        mesh, reference = io.load_mesh(path), self.model.reference
+        if mesh.vertices.shape != reference.vertices.shape:
+            raise InputError(
+                f"{path}: {len(mesh.vertices)} vertices, expected {len(reference.vertices)} as the "
+                "model has; choose a mesh of the same connectivity"
+            )
+        return mesh
+
     def reset(self) -> None:
         """Go back to the reference, with no handles."""
         self.start_from("reference", self.start_codes()["Reference"])
@@ -558,7 +588,7 @@ class Editor:
         if before.colour != look.colour:
             self._paint = None
             view.paint(None)
-            self.ask(self.answer.solution if self._is_final() else None)
+            self.ask(self.answer.solution if self.answer and self._is_final() else None)
         self._touch()
         self._emit("look")
 
@@ -572,13 +602,7 @@ class Editor:
         Raises:
             InputError: it has another number of vertices.
         """
-        mesh, reference = io.load_mesh(path), self.model.reference
-        if mesh.vertices.shape != reference.vertices.shape:
-            raise InputError(
-                f"{path}: {len(mesh.vertices)} vertices, expected {len(reference.vertices)} as the "
-                "model has; choose a mesh of the same connectivity"
-            )
-        self.target = mesh
+        self.target = self._load_alike(path)
         self.change_look(ghost="target", colour="error")
 
     def frame(self, azimuth: float = 25.0, elevation: float = 8.0) -> None:
@@ -699,7 +723,7 @@ class Editor:
         if answer.paint is not None:
             self._paint = answer.paint
             self.view.paint(answer.paint)
-        if answer.final:
+        if answer.final and answer.request.solution is None:
             self.session.solved(answer.request.edit, answer.solution)
         self._dirty = True
         self._emit("pose")

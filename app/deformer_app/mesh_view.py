@@ -29,7 +29,7 @@ from deformer_app.camera import Camera
 from deformer_app.colouring import Paint
 from deformer_app.controller import Button, Controller, Keys, Pixel
 from deformer_app.gizmo import Gizmo
-from deformer_app.marks import Dots, Strokes
+from deformer_app.marks import Dots, Strokes, rgb
 from deformer_app.pictures import LIGHTS, Picture
 
 SEQUENTIAL, DIVERGING = "viridis", "coolwarm"
@@ -53,7 +53,7 @@ LIGHT = Theme("#f7f6f3", "#dfe3e8", "#2f343b", "#c5d2de", "#b9aa93", "#6d7a88")
 DARK = Theme("#23272d", "#353b44", "#e8e6e1", "#aebccb", "#8d7f6a", "#3c4650")
 
 KIND_COLOURS = {"soft": "#e8641b", "exact": "#c2255c", "pin": "#3d4754"}
-SELECTED, HOVERED, TARGET, PATCH = "#ffd43b", "#ffffff", "#1f78d1", "#f2a65a"
+SELECTED, HOVERED, TARGET, PATCH = "#ffd43b", "#ffa94d", "#1f78d1", "#f2a65a"
 AXIS_COLOURS = {"x": "#e03131", "y": "#2f9e44", "z": "#1c7ed6"}
 
 
@@ -82,7 +82,7 @@ class MeshView:
         theme: colours.
     """
 
-    def __init__(self, plotter: pv.BasePlotter | Any, theme: Theme = LIGHT) -> None:
+    def __init__(self, plotter: Any, theme: Theme = LIGHT) -> None:
         """Set up lights, layers and picking; there is no mesh yet."""
         self.plotter = plotter
         self.theme = theme
@@ -136,8 +136,8 @@ class MeshView:
         self.theme = theme
         self.plotter.set_background(theme.background, top=theme.horizon)
         for text in self._texts.values():
-            text.GetTextProperty().SetColor(*pv.Color(theme.ink).float_rgb)
-            text.GetTextProperty().SetBackgroundColor(*pv.Color(theme.background).float_rgb)
+            text.GetTextProperty().SetColor(*(c / 255 for c in rgb(theme.ink)))
+            text.GetTextProperty().SetBackgroundColor(*(c / 255 for c in rgb(theme.background)))
         if "mesh" in self._actors:
             self._dress()
         if "ghost" in self._actors:
@@ -162,9 +162,9 @@ class MeshView:
         assert self._surface is not None
         self._vertices = vertices
         points = self._surface.GetPoints().GetData()
-        self._surface.points[:] = vertices
+        np.asarray(self._surface.points)[:] = vertices
         points.Modified()
-        self._surface.point_data["Normals"][:] = normals
+        np.asarray(self._surface.point_data["Normals"])[:] = normals
         self._surface.GetPointData().GetNormals().Modified()
         self._surface.Modified()
         if "patch" in self._actors:
@@ -173,8 +173,11 @@ class MeshView:
     def paint(self, paint: Paint | None) -> None:
         """Colour the surface by values, or not."""
         before, self._paint = self._paint, paint
-        same = before is not None and paint is not None and before.title == paint.title
-        if same and before.limits == paint.limits:
+        if (
+            before is not None
+            and paint is not None
+            and (before.title, before.limits) == (paint.title, paint.limits)
+        ):
             self._values(paint)
         elif before is not paint:
             self._dress()
@@ -211,6 +214,8 @@ class MeshView:
             "copy_mesh": False,
         }
         paint = self._paint
+        if paint is not None:
+            look["ambient"] = 0.35  # shade must not be mistaken for a dark colour
         if paint is None:
             actor = self.plotter.add_mesh(surface, color=self.theme.clay, **look)
         else:
@@ -239,13 +244,13 @@ class MeshView:
             self.plotter.remove_scalar_bar(title, render=False)
         if self._paint is None:
             return
-        self.plotter.add_scalar_bar(
+        bar = self.plotter.add_scalar_bar(
             self._paint.title,
             mapper=self._actors["mesh"].mapper,
             vertical=True,
-            width=0.05,
-            height=0.4,
-            position_x=0.9,
+            width=0.04,
+            height=0.36,
+            position_x=0.84,
             position_y=0.3,
             n_labels=3,
             fmt="%.2g",
@@ -254,6 +259,7 @@ class MeshView:
             color=self.theme.ink,
             render=False,
         )
+        bar.SetVerticalTitleSeparation(10)
 
     def show_ghost(self, mesh: Mesh | None) -> None:
         """Show another mesh translucently, or none."""
@@ -380,7 +386,7 @@ class MeshView:
         if self._surface is None or self.camera is None:
             return None
         x, y = pixel
-        self._picker.Pick(x, self.size[1] - 1 - y, 0.0, self.plotter.renderer)
+        self._picker.Pick(x, self.size[1] - y, 0.0, self.plotter.renderer)
         face = self._picker.GetCellId()
         if face < 0:
             return None
@@ -392,11 +398,11 @@ class MeshView:
         """Whether the surface leaves a point (3,) in sight."""
         if self._surface is None or self.camera is None:
             return False
-        x, y = self.camera.project([point], self.size)[0]
-        self._picker.Pick(x, self.size[1] - 1 - y, 0.0, self.plotter.renderer)
+        x, y = self.camera.project(np.array([point]), self.size)[0]
+        self._picker.Pick(x, self.size[1] - y, 0.0, self.plotter.renderer)
         if self._picker.GetCellId() < 0:
             return True
-        there, here = self.camera.depths([self._picker.GetPickPosition(), point])
+        there, here = self.camera.depths(np.array([self._picker.GetPickPosition(), point]))
         return bool(here < there + 8 * self.camera.pixel_size(point, self.size))
 
     def render(self) -> None:
@@ -476,7 +482,7 @@ class MeshView:
 
         def where() -> Pixel:
             x, y = interactor.GetEventPosition()
-            return float(x), float(self.size[1] - 1 - y)
+            return x + 0.5, self.size[1] - y - 0.5  # the middle of the pixel
 
         def held() -> Keys:
             return Keys(
@@ -488,7 +494,11 @@ class MeshView:
         def on_key(*_: Any) -> None:
             key(interactor.GetKeySym() or "", held())
 
-        buttons: dict[str, Button] = {"Left": "left", "Middle": "middle", "Right": "right"}
+        def on_button(name: str, button: Button) -> None:
+            press, release = f"{name}ButtonPressEvent", f"{name}ButtonReleaseEvent"
+            observers[press] = lambda *_: controller.press(button, where(), held())
+            observers[release] = lambda *_: controller.release(button, where(), held())
+
         observers: dict[str, Any] = {
             "MouseMoveEvent": lambda *_: controller.move(where(), held()),
             "LeaveEvent": lambda *_: controller.leave(),
@@ -496,13 +506,9 @@ class MeshView:
             "MouseWheelBackwardEvent": lambda *_: controller.wheel(-1.0, where()),
             "KeyPressEvent": on_key,
         }
-        for event, button in buttons.items():
-            observers[f"{event}ButtonPressEvent"] = lambda *_, b=button: controller.press(
-                b, where(), held()
-            )
-            observers[f"{event}ButtonReleaseEvent"] = lambda *_, b=button: controller.release(
-                b, where(), held()
-            )
+        on_button("Left", "left")
+        on_button("Middle", "middle")
+        on_button("Right", "right")
         for event, action in observers.items():
             interactor.AddObserver(event, action, _EVENTS_BEFORE_CAMERA)
         # VTK's own letters (e ends, w shows wires, …) would come beside ours.

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import cast
 
 import numpy as np
-from qtpy.QtCore import QEvent, QObject, QSignalBlocker, Qt
-from qtpy.QtWidgets import (
+from PySide6.QtCore import QEvent, QObject, QSignalBlocker, Qt
+from PySide6.QtWidgets import (
     QAbstractItemView,
     QButtonGroup,
     QComboBox,
@@ -92,7 +92,13 @@ class ModelPanel(QWidget):
         self._ghost.activated.connect(lambda n: editor.change_look(ghost=self._ghost.itemData(n)))
         self._error = QLabel()
         form = QFormLayout(self)
-        form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
+        form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
+        self._meter.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        for box in (self._start, self._body, self._colour, self._ghost):
+            box.setMinimumContentsLength(8)
+            box.setSizeAdjustPolicy(
+                QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
+            )
         for label, field in (
             ("Model", self._name),
             ("Start from", self._start),
@@ -120,7 +126,7 @@ class ModelPanel(QWidget):
         mesh = editor.model.reference
         self._name.setText(
             f"<b>{editor.session.model.path.rstrip('/').split('/')[-1]}</b><br>"
-            f"{len(mesh.vertices):,} vertices, {editor.model.components} components"
+            f"{len(mesh.vertices):,} vertices<br>{editor.model.components} components"
         )
         self._start.clear()
         self._start.addItems(list(editor.start_codes()))
@@ -185,6 +191,8 @@ class HandlePanel(QWidget):
             box.setRange(-1e9, 1e9)
             box.setDecimals(4)
             box.setPrefix(f"{axis} ")
+            box.setButtonSymbols(QDoubleSpinBox.ButtonSymbols.NoButtons)
+            box.setMinimumWidth(72)
             box.setKeyboardTracking(False)
             box.valueChanged.connect(self._move)
             numbers.addWidget(box)

@@ -38,7 +38,7 @@ class PlainWindow:
         size: tuple[int, int] = (1100, 850),
     ) -> None:
         """Open the window."""
-        self.plotter = pv.Plotter(window_size=list(size), title="Deformer", lighting="none")
+        self.plotter: Any = pv.Plotter(window_size=list(size), title="Deformer", lighting="none")
         self.plotter.show(interactive_update=True, auto_close=False)
         self.editor = Editor(MeshView(self.plotter))
         self._file = file or Path("session.json")

@@ -49,9 +49,10 @@ class SolverThread(Generic[Request, Answer]):
 
     @property
     def busy(self) -> bool:
-        """Whether an answer is still to come."""
+        """Whether an answer or a failure is still to come or to be taken."""
         with self._changed:
-            return self._working or self._pending is not None
+            there = self._answered is not None or bool(self._failures)
+            return there or self._working or self._pending is not None
 
     def ask(self, request: Request) -> None:
         """Put a request in the place of one that has not been begun."""

@@ -7,10 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from pyvistaqt import QtInteractor
-from qtpy.QtCore import QObject, Qt, QTimer, Signal
-from qtpy.QtGui import QAction, QCloseEvent, QColor, QFont, QKeySequence, QPalette
-from qtpy.QtWidgets import (
+from PySide6.QtCore import QObject, Qt, QTimer, Signal
+from PySide6.QtGui import QAction, QCloseEvent, QColor, QFont, QKeySequence, QPalette, QShortcut
+from PySide6.QtWidgets import (
     QApplication,
     QDialog,
     QDockWidget,
@@ -21,11 +20,11 @@ from qtpy.QtWidgets import (
     QMenu,
     QMessageBox,
     QPushButton,
-    QShortcut,
     QToolBar,
     QVBoxLayout,
     QWidget,
 )
+from pyvistaqt import QtInteractor
 
 from deformer import InputError
 from deformer_app.actions import ACTIONS, MENUS, MOUSE, Action
@@ -41,8 +40,8 @@ _TICK = 4  # milliseconds between two looks at the solver while something is goi
 _PANELS = 120  # milliseconds after a change until the docks show it
 _AUTOSAVE = 1500  # milliseconds after a step until it is written
 _MOVIES = "Animations (*.gif *.mp4)"
-_TOOLBAR = ("Undo", "Redo", "Manipulator: move", "Manipulator: rotate", "Manipulator: scale",
-            "Paint region", "Mirror", "Suggest next handle", "Frame all")  # fmt: skip
+_TOOLBAR = {"Undo", "Redo", "Manipulator: move", "Manipulator: rotate", "Manipulator: scale",
+            "Paint region", "Mirror", "Suggest next handle", "Frame all"}  # fmt: skip
 _TOUR = (
     ("Press the left button on a hand and pull it. The rest follows as in the examples.", "drag"),
     ("Drag beside the body to look around it; the wheel zooms to the cursor.", "camera"),
@@ -106,12 +105,13 @@ class Window(QMainWindow):
         self._model = ModelPanel(self.editor)
         self._handles = HandlePanel(self.editor)
         self._components = ComponentPanel(self.editor)
-        self._dock("Model", self._model, Qt.DockWidgetArea.LeftDockWidgetArea)
+        model = self._dock("Model", self._model, Qt.DockWidgetArea.LeftDockWidgetArea)
         handles = self._dock("Handles", self._handles, Qt.DockWidgetArea.RightDockWidgetArea)
         components = self._dock(
             "Components", self._components, Qt.DockWidgetArea.RightDockWidgetArea
         )
-        self.resizeDocks([handles, components], [320, 380], Qt.Orientation.Vertical)
+        self.resizeDocks([handles, components], [330, 370], Qt.Orientation.Vertical)
+        self.resizeDocks([model, handles], [250, 310], Qt.Orientation.Horizontal)
         self._hint, self._times = QLabel(), QLabel()
         self.statusBar().addWidget(self._hint, 1)
         self.statusBar().addPermanentWidget(self._times)
@@ -144,7 +144,6 @@ class Window(QMainWindow):
         dock = QDockWidget(title, self)
         dock.setObjectName(title)
         dock.setWidget(panel)
-        dock.setMinimumWidth(300)
         self.addDockWidget(area, dock)
         self._menus["View"].addAction(dock.toggleViewAction())
         return dock
@@ -230,12 +229,12 @@ class Window(QMainWindow):
         if self._may_leave():
             self._guard(lambda: self._open(path, None, None))
 
-    def open_session(self, path: Path) -> None:
+    def open_session(self, path: Path | str) -> None:
         """Open a session, unless the user wants to keep unsaved work."""
 
         def load() -> None:
             session = Session.load(path)
-            self._open(session.model.path, session, path)
+            self._open(session.model.path, session, Path(path))
 
         if self._may_leave():
             self._guard(load)
@@ -245,7 +244,7 @@ class Window(QMainWindow):
         for name in self.places.recent:
             opener = self.open_session if name.endswith(".json") else self.open_model
             item = self._recent.addAction(name)
-            item.triggered.connect(lambda _=False, n=name, f=opener: f(Path(n) if "/" in n else n))
+            item.triggered.connect(lambda _=False, n=name, f=opener: f(n))
 
     def save(self, elsewhere: bool) -> bool:
         """Save the session; false if the user thought better of it."""
@@ -384,7 +383,6 @@ class Window(QMainWindow):
         if event == "history":
             self._autosave.start()
         if self._tour_step is not None and event == _TOUR[self._tour_step][1]:
-            self._tour_waits = getattr(self, "_tour_waits", 0) + 1
             QTimer.singleShot(900, lambda step=self._tour_step: self._advance(step))
         if event == "frame":
             self._show_times()
