@@ -78,7 +78,7 @@ def mouse(editor, start, end=None, shift=False, button="Left", steps=8):
 
 def seen(editor, wanted):
     """A vertex that is seen at a share of the tube's length, and its pixel."""
-    pixels = np.round(editor.camera.project(editor.vertices, SIZE))
+    pixels = np.floor(editor.camera.project(editor.vertices, SIZE)) + 0.5
     for vertex in np.argsort(np.abs(editor.vertices[:, 0] - 2 * wanted)):
         if editor.vertex_at(pixels[vertex]) == vertex:
             return int(vertex), pixels[vertex]

@@ -34,7 +34,7 @@ from deformer_app.editor import Editor
 from deformer_app.session import BODIES, KINDS, NOISE, Body, Kind
 
 _STEPS = 1000  # of a slider
-_DIAL = (0.1, 10.0)  # of the default noise: the prior's dial, from hard to loose
+_DIAL = (0.1, 10.0)  # of the default noise: the prior's dial, from loose to hard
 _WEIGHTS = (0.05, 50.0)
 _BODY = {"auto": "free once 3 handles hold it", "stays": "stays in place", "moves": "free"}
 _GHOSTS = {"none": "None", "reference": "Reference", "target": "Target"}
@@ -74,7 +74,7 @@ class ModelPanel(QWidget):
         self._start.setToolTip("Begin at a training shape; handles are cleared")
         self._start.activated.connect(self._begin)
         self._dial = _slider(self._turn, lambda: editor.commit("Strength of the prior"))
-        self._dial.setToolTip("Left: the examples hold hard. Right: handles win")
+        self._dial.setToolTip("Left: handles win. Right: the examples hold hard")
         self._body = QComboBox()
         for body in BODIES:
             self._body.addItem(_BODY[body], body)
