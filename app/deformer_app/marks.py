@@ -66,6 +66,7 @@ class Dots(_Marks):
     def __init__(self, renderer: vtkRenderer, size: int) -> None:
         """Begin with none."""
         super().__init__(renderer)
+        self._size = size
         look = self.actor.GetProperty()
         look.SetPointSize(size)
         look.SetRenderPointsAsSpheres(True)
@@ -74,6 +75,10 @@ class Dots(_Marks):
         # Balls stand out of the surface that their centres lie on.
         self._mapper.SetResolveCoincidentTopologyToPolygonOffset()
         self._mapper.SetRelativeCoincidentTopologyPointOffsetParameter(-6000.0)
+
+    def magnify(self, factor: float) -> None:
+        """Draw with so many times the size: pixels are smaller where a frame is supersampled."""
+        self.actor.GetProperty().SetPointSize(factor * self._size)
 
     def show(self, points: NDArray, colours: Sequence[str]) -> None:
         """Draw points (n, 3), each in its colour."""

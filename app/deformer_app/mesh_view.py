@@ -32,7 +32,8 @@ from deformer_app.gizmo import Gizmo
 from deformer_app.marks import Dots, Strokes, rgb
 from deformer_app.pictures import LIGHTS, Picture
 
-SEQUENTIAL, DIVERGING = "viridis", "coolwarm"
+SEQUENTIAL, DIVERGING = "YlOrRd", "coolwarm"
+_SUPERSAMPLING = 2.0  # pixels of VTK's pass along each side of one of the picture
 _APART = 4.0  # pixels from handle to target from which a line joins them
 _EVENTS_BEFORE_CAMERA = 0.25  # priority: after VTK's widgets, before its camera
 
@@ -52,7 +53,7 @@ class Theme:
 LIGHT = Theme("#f7f6f3", "#dfe3e8", "#2f343b", "#c5d2de", "#b9aa93", "#6d7a88")
 DARK = Theme("#23272d", "#353b44", "#e8e6e1", "#aebccb", "#8d7f6a", "#3c4650")
 
-KIND_COLOURS = {"soft": "#e8641b", "exact": "#c2255c", "pin": "#3d4754"}
+KIND_COLOURS = {"soft": "#e8641b", "exact": "#c2255c", "pin": "#7048e8"}
 SELECTED, HOVERED, TARGET, PATCH = "#ffd43b", "#ffa94d", "#1f78d1", "#f2a65a"
 AXIS_COLOURS = {"x": "#e03131", "y": "#2f9e44", "z": "#1c7ed6"}
 
@@ -215,7 +216,8 @@ class MeshView:
         }
         paint = self._paint
         if paint is not None:
-            look["ambient"] = 0.35  # shade must not be mistaken for a dark colour
+            # Shade must not be mistaken for a dark colour.
+            look["ambient"], look["diffuse"], look["specular"] = 0.32, 0.72, 0.0
         if paint is None:
             actor = self.plotter.add_mesh(surface, color=self.theme.clay, **look)
         else:
@@ -315,6 +317,7 @@ class MeshView:
             rows = [n for n, s in enumerate(marks.sizes) if s == size]
             if size not in self._balls:
                 self._balls[size] = Dots(self.plotter.renderer, size)
+                self._balls[size].magnify(self._magnification)
             self._balls[size].show(marks.positions[rows], [marks.colours[n] for n in rows])
         self._targets.clear()
         self._residuals.clear()
@@ -405,6 +408,10 @@ class MeshView:
         there, here = self.camera.depths(np.array([self._picker.GetPickPosition(), point]))
         return bool(here < there + 8 * self.camera.pixel_size(point, self.size))
 
+    @property
+    def _magnification(self) -> float:
+        return _SUPERSAMPLING if self._sharp else 1.0
+
     def render(self) -> None:
         """Draw a frame."""
         begun = time.perf_counter()
@@ -420,6 +427,8 @@ class MeshView:
             self.plotter.enable_anti_aliasing("ssaa")
         else:
             self.plotter.disable_anti_aliasing()
+        for dots in (*self._balls.values(), self._hover):
+            dots.magnify(self._magnification)
         self._overlay.SetUseFXAA(sharp)
         return True
 

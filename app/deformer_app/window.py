@@ -323,16 +323,17 @@ class Window(QMainWindow):
         if self._help is not None and self._help.isVisible():
             self._help.hide()
             return
-        rows = [(a.key, a.title.rstrip("…") + (f" – {a.about}" if a.about else ""))
-                for a in ACTIONS if a.key]  # fmt: skip
-        cells = [f"<tr><td><b>{k}</b>&nbsp;&nbsp;</td><td>{t}</td></tr>" for k, t in MOUSE]
-        keys = [f"<tr><td><b>{k}</b>&nbsp;&nbsp;</td><td>{t}</td></tr>" for k, t in rows]
+        keys = [(a.key, a.title.rstrip("…")) for a in ACTIONS if a.key]
+        third = -(-(len(MOUSE) + len(keys)) // 3)
+        rows = [
+            f"<tr><td><b>{key}</b>&nbsp;&nbsp;</td><td>{what}</td></tr>"
+            for key, what in (*MOUSE, *keys)
+        ]
         self._help = QDialog(self, Qt.WindowType.Tool)
         self._help.setWindowTitle("Keys and mouse")
         columns = QHBoxLayout(self._help)
-        half = len(keys) // 2
-        for part in (cells + keys[:6], keys[6 : half + 6], keys[half + 6 :]):
-            label = QLabel(f"<table>{''.join(part)}</table>")
+        for start in range(0, len(rows), third):
+            label = QLabel(f"<table>{''.join(rows[start : start + third])}</table>")
             label.setAlignment(Qt.AlignmentFlag.AlignTop)
             columns.addWidget(label)
         self._help.show()
