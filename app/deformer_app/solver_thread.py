@@ -30,15 +30,18 @@ class SolverThread(Generic[Request, Answer]):
         answer: gives the answers to a request, one better than the other; they stop being asked
             for when a newer request is there. It always runs on this one thread.
         notify: called on the thread when there is something to `take`; it must return at once.
+        patience: seconds to wait for a newer request before the first answer is improved on: what
+            is improved while the mouse moves is never seen, and is in the way.
     """
 
     def __init__(
         self,
         answer: Callable[[Request], Iterator[Answer]],
         notify: Callable[[], None] = lambda: None,
+        patience: float = 0.04,
     ) -> None:
         """Start the thread; it ends with `close`, or with the program."""
-        self._answer, self._notify = answer, notify
+        self._answer, self._notify, self._patience = answer, notify, patience
         self._changed = threading.Condition()
         self._pending: Request | None = None
         self._working = self._closed = False
@@ -83,7 +86,7 @@ class SolverThread(Generic[Request, Answer]):
         while True:
             with self._changed:
                 self._working = False
-                self._changed.wait_for(lambda: self._closed or self._pending is not None)
+                self._changed.wait_for(self._superseded)
                 if self._closed:
                     return
                 request, self._pending = self._pending, None
@@ -98,10 +101,15 @@ class SolverThread(Generic[Request, Answer]):
                 self._notify()
 
     def _serve(self, request: Request) -> None:
+        patience = self._patience
         for answer in self._answer(request):
             with self._changed:
                 self._answered = answer
-                superseded = self._closed or self._pending is not None
             self._notify()
-            if superseded:
-                return
+            with self._changed:
+                if self._changed.wait_for(self._superseded, patience):
+                    return
+            patience = 0.0
+
+    def _superseded(self) -> bool:
+        return self._closed or self._pending is not None
