@@ -3,10 +3,13 @@ PYTHON ?= python3
 WORKERS ?= 2
 BIN := .venv/bin
 
-.PHONY: demo test lint check clean
+.PHONY: demo edit test lint check clean
 
 demo: .venv/run.stamp
 	$(BIN)/deformer demo
+
+edit: .venv/run.stamp
+	$(BIN)/deformer edit
 
 # Threads that spin while they wait would take the cores from the other workers.
 test: .venv/test.stamp
@@ -21,11 +24,11 @@ check: lint test
 
 .venv/run.stamp: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable .
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[app]"
 	touch $@
 
 .venv/test.stamp: .venv/run.stamp
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[test]"
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[app,test]"
 	touch $@
 
 clean:

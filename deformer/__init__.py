@@ -1,8 +1,9 @@
 """Deformer: drag a few points of a mesh; a prior learned from example shapes moves the rest."""
 
+from deformer.activations import Activations, Familiarity
 from deformer.autoencoder import ModelConfig
 from deformer.errors import InputError
-from deformer.features import FeatureExtractor, FeatureScaler, extract_features
+from deformer.features import FeatureExtractor, FeatureScaler, extract_features, vertex_normals
 from deformer.geodesics import Geodesics, farthest_points
 from deformer.handles import Handle, HandleSolver, Pose
 from deformer.io import load_mesh, load_shapes, save_mesh, save_shapes
@@ -12,9 +13,15 @@ from deformer.metrics import e_rms
 from deformer.model import DeformationModel, load_model, shipped_models
 from deformer.poisson import PoissonSystem, reconstruct
 from deformer.sequence import SequenceFit, fit_sequence
+from deformer.strain import FaceStrain
+from deformer.symmetry import Symmetry, find_symmetry, symmetry_about
+from deformer.uncertainty import Uncertainty, uncertainty
 
 __all__ = [
+    "Activations",
     "DeformationModel",
+    "FaceStrain",
+    "Familiarity",
     "FeatureExtractor",
     "FeatureScaler",
     "Geodesics",
@@ -27,9 +34,12 @@ __all__ = [
     "PoissonSystem",
     "Pose",
     "SequenceFit",
+    "Symmetry",
+    "Uncertainty",
     "e_rms",
     "extract_features",
     "farthest_points",
+    "find_symmetry",
     "fit_sequence",
     "load_mesh",
     "load_model",
@@ -38,5 +48,8 @@ __all__ = [
     "save_mesh",
     "save_shapes",
     "shipped_models",
+    "symmetry_about",
     "train",
+    "uncertainty",
+    "vertex_normals",
 ]

@@ -37,7 +37,9 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} cannot be written as JSON")
 
 
-def _read_json(path: Path) -> dict[str, Any]:
+def read_json(path: PathLike) -> dict[str, Any]:
+    """Read a JSON file that holds an object; InputError where it does not."""
+    path = Path(path)
     content = read_bytes(path)
     try:
         data = json.loads(content)
@@ -68,7 +70,7 @@ def load_split(path: PathLike, count: int) -> dict[str, list[int]]:
             `train` is empty.
     """
     file = Path(path)
-    data = _read_json(file)
+    data = read_json(file)
     owner: dict[int, str] = {}
     for part in ("train", "test"):
         if not isinstance(data.get(part), list):
@@ -130,7 +132,7 @@ def load_handles(path: PathLike, vertex_count: int) -> HandleFile:
         InputError: a key or value is missing or wrong; the message names frame and handle.
     """
     file = Path(path)
-    data = _read_json(file)
+    data = read_json(file)
     if ("handles" in data) == ("frames" in data):
         raise InputError(
             f"{file}: has keys {sorted(data)}, expected either 'handles' or 'frames'; give one"

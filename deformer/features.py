@@ -21,6 +21,7 @@ from deformer.cholesky import SparseCholesky
 from deformer.errors import InputError
 from deformer.mesh import (
     FloatArray,
+    IntArray,
     Mesh,
     MeshSequence,
     connected_components,
@@ -59,6 +60,14 @@ def _vertex_normals(p, faces, out):
         length = np.sqrt(out[i, 0] ** 2 + out[i, 1] ** 2 + out[i, 2] ** 2)
         if length > 0.0:
             out[i] /= length
+
+
+def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
+    """Area-weighted unit normals (V, 3) of a mesh; zero where no face says which way."""
+    p = np.ascontiguousarray(vertices, dtype=np.float64)
+    normals = np.empty_like(p)
+    _vertex_normals(p, faces, normals)
+    return normals
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

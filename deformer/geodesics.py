@@ -120,3 +120,16 @@ def farthest_points(
         chosen.append(int(taken.argmax()))
         nearest = np.minimum(nearest, geodesics.row(chosen[-1]))
     return np.array(chosen, dtype=np.int64)
+
+
+def spread(points: FloatArray, count: int) -> IntArray:
+    """Up to `count` of the points (N, d), straight-line farthest: each from those before it.
+
+    The first is the one nearest to the origin.
+    """
+    chosen = [int(np.linalg.norm(points, axis=1).argmin())]
+    nearest = np.linalg.norm(points - points[chosen[0]], axis=1)
+    while len(chosen) < min(count, len(points)):
+        chosen.append(int(nearest.argmax()))
+        nearest = np.minimum(nearest, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return np.array(chosen, dtype=np.int64)

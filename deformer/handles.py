@@ -5,12 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deformer.basis import HandleBasis
 from deformer.errors import InputError
+from deformer.geodesics import spread
+from deformer.latent import LatentPrior
 from deformer.mesh import FloatArray, IntArray
 from deformer.model import DeformationModel
 from deformer.objective import CorrectedHandles, HandleObjective, Handles
@@ -104,6 +107,9 @@ class HandleSolver:
         rigid: let the whole shape rotate and translate; otherwise it stays where the reference is.
         noise: σ, the distance from handle to target (in bounding diagonals) that weighs as much
             as one standard deviation of the prior.
+        freedom: factor on the standard deviations of the rigid motion (0.3 rad, one bounding
+            diagonal). With 1 a lone handle carries the whole shape along; with 0.01 the shape
+            stays about where it is and bends.
         relaxation: local/global rounds of rigid relaxation for hard handles; 0 is the Schur
             complement alone.
     """
@@ -114,19 +120,15 @@ class HandleSolver:
         *,
         rigid: bool = True,
         noise: float = 0.007,
+        freedom: float = 1.0,
         relaxation: int = 10,
     ) -> None:
         """Prepare the model's factorisations; handles are set later."""
-        if not noise > 0:
-            raise InputError(f"noise: expected a positive number, got {noise}")
         self.model = model
         self.relaxation = relaxation
         self.basis = HandleBasis(model)
         self._surface = self.basis.surface
         self._objective = HandleObjective.of(model, noise, rigid)
-        factor = self._objective.factor
-        white = np.linalg.solve(factor, (model.codes - model.prior.mean).T).T
-        self._candidates = _spread(np.asarray(white, dtype=np.float64), _CANDIDATES)
         self._exact: IntArray = np.empty(0, dtype=np.int64)
         self._state: _State | None = None
         # Whether it tells where the present handles lie.
@@ -137,7 +139,18 @@ class HandleSolver:
         self._correction: FloatArray | None = None
         self._corrected_at: FloatArray | None = None
         self._asked: tuple[FloatArray, FloatArray] | None = None
+        self.lean(on=model.prior.mean, noise=noise, freedom=freedom)
         self._assign([])
+
+    @property
+    def objective(self) -> HandleObjective:
+        """The energy of the present handles."""
+        return self._objective
+
+    @property
+    def solution(self) -> FloatArray | None:
+        """Unknowns (K+6,) of the last solution, as `objective` takes them; None before any."""
+        return None if self._state is None else self._state.x
 
     @property
     def handles(self) -> list[Handle]:
@@ -170,6 +183,76 @@ class HandleSolver:
                 for v, t, w, e in zip(index, goals, factors, exact, strict=True)
             ]
         )
+
+    def lean(
+        self,
+        *,
+        on: ArrayLike | None = None,
+        noise: float | None = None,
+        freedom: float | None = None,
+    ) -> None:
+        """Change what the prior pulls to and how hard; what is None stays as it is.
+
+        The last solution stays where it is, so that a warm solve goes on from there.
+
+        Args:
+            on: (K,) latent code to prefer in place of the training codes' mean; without handles
+                the pose is that of this code. The covariance is the prior's.
+            noise, freedom: as the class takes them.
+
+        Raises:
+            InputError: a code of another length or not finite, a number that is not positive.
+        """
+        for name, value in (("noise", noise), ("freedom", freedom)):
+            if value is not None and not (value > 0 and np.isfinite(value)):
+                raise InputError(f"{name}: expected a positive number, got {value}")
+        before = self._objective
+        changes: dict[str, Any] = {"noise": noise, "freedom": freedom}
+        objective = replace(before, **{k: v for k, v in changes.items() if v is not None})
+        if on is not None:
+            centre = self._code(on)
+            objective = replace(objective, prior=LatentPrior(centre, before.prior.covariance))
+            away = np.linalg.solve(objective.factor, (self.model.codes - centre).T).T
+            white: FloatArray = np.asarray(away, dtype=np.float64)
+            self._candidates = white[spread(white, _CANDIDATES)]
+        self._objective = objective
+        self._correction = self._corrected_at = self._asked = None
+        if self._state is not None:
+            x = objective.unknowns(before.code(self._state.x), *self._state.x[-6:].reshape(2, 3))
+            p = self._state.p
+            state = _State(x, p, objective.energy(x, p) if self._located else np.inf)
+            self._decoded = state if self._decoded is self._state else None
+            self._state = state
+
+    def resume(self, z: ArrayLike, rotation: ArrayLike, translation: ArrayLike) -> Pose:
+        """Take up a solution found earlier; the next warm solve starts from it.
+
+        The pose depends on the solution and the handles alone, not on what led there: rigid
+        relaxation, which a drag carries on from frame to frame, is done afresh.
+
+        Args:
+            z: (K,) latent code.
+            rotation, translation: (3,) rigid motion, as in `Pose`.
+        """
+        begun = time.perf_counter()
+        objective = self._objective
+        move = np.asarray(translation, dtype=np.float64) / objective.diagonal
+        x = objective.unknowns(self._code(z), np.asarray(rotation, dtype=np.float64), move)
+        with one_blas_thread():
+            self._surface.reset()
+            self._correction = self._corrected_at = self._asked = None
+            self._state, self._located = self._evaluate(x), True
+            pose = self._pose(self._state, 0, self._show_afresh(self._state))
+        return replace(pose, milliseconds=1000.0 * (time.perf_counter() - begun))
+
+    def _code(self, z: ArrayLike) -> FloatArray:
+        code = np.array(z, dtype=np.float64)
+        if code.shape != (self.model.components,) or not np.isfinite(code).all():
+            raise InputError(
+                f"z: expected {self.model.components} finite numbers, got an array {code.shape}"
+                + (" that is not finite" if code.shape == (self.model.components,) else "")
+            )
+        return code
 
     def solve(self, warm: bool = False) -> Pose:
         """Pose for the present handles.
@@ -450,16 +533,6 @@ def check_handles(
         if not (np.isfinite(factors[h]) and factors[h] > 0):
             raise InputError(f"handle {h}: weight {factors[h]} is not a positive number")
     return index, goals, factors, exact
-
-
-def _spread(points: FloatArray, count: int) -> FloatArray:
-    """Up to `count` of the points (N, K), each the farthest from those before it."""
-    chosen = [int(np.linalg.norm(points, axis=1).argmin())]
-    nearest = np.linalg.norm(points - points[chosen[0]], axis=1)
-    while len(chosen) < min(count, len(points)):
-        chosen.append(int(nearest.argmax()))
-        nearest = np.minimum(nearest, np.linalg.norm(points - points[chosen[-1]], axis=1))
-    return points[chosen]
 
 
 def _places(before: list[int], wanted: list[int]) -> list[int]:

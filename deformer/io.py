@@ -26,6 +26,7 @@ from deformer._json_files import (
     HandleTarget,
     load_handles,
     load_split,
+    read_json,
     write_json,
 )
 from deformer._obj import ObjReader, write_obj
@@ -45,6 +46,7 @@ __all__ = [
     "load_mesh",
     "load_shapes",
     "load_split",
+    "read_json",
     "save_mesh",
     "save_shapes",
     "write_json",

@@ -76,6 +76,20 @@ class DeformationModel:
         return self.prior.covariance
 
     @cached_property
+    def fingerprint(self) -> str:
+        """SHA-256 of all that decides a pose: reference, network, scaling and statistics."""
+        digest = hashlib.sha256()
+        scaler = self.scaler
+        bounds = [scaler.r_min, scaler.r_max, scaler.s_min, scaler.s_max]
+        arrays = [self.reference.vertices, self.reference.faces, self.codes, np.array(bounds)]
+        arrays += [self.prior.mean, self.prior.covariance]
+        arrays += [tensor.numpy() for _, tensor in sorted(self.network.state_dict().items())]
+        for array in arrays:
+            digest.update(f"{array.dtype.str} {array.shape}\n".encode())
+            digest.update(array.tobytes())
+        return digest.hexdigest()
+
+    @cached_property
     def extractor(self) -> FeatureExtractor:
         """Feature extraction against the reference."""
         return FeatureExtractor(self.reference)
@@ -167,7 +181,7 @@ class DeformationModel:
         value, residual = energy(z)
         damping = 1e-4
         for _ in range(iterations):
-            J = self._tangents(z)
+            J = self.tangents(z)
             H = J @ J.T + pull
             gradient = J @ residual.ravel() + pull @ (z - self.prior.mean)
             while damping < 1e6:
@@ -185,8 +199,8 @@ class DeformationModel:
                 break
         return z
 
-    def _tangents(self, z: FloatArray) -> FloatArray:
-        """Derivative (K, 3V) of the decoded positions, centroid fixed."""
+    def tangents(self, z: FloatArray) -> FloatArray:
+        """Derivative (K, 3V) of the decoded positions by the latent code z (K,), centroid fixed."""
         q, dq = self.decoder.differential(z)
         rows = []
         for start in range(0, len(dq), _TANGENT_BATCH):

@@ -135,7 +135,7 @@ class CorrectedEvaluation:
 
 @dataclass(frozen=True, eq=False)
 class HandleObjective:
-    """Σ_h w_h ‖Q p_h(z) + t − q_h‖² / (σ D)² + ‖y‖² + ‖ω‖²/s_ω² + ‖t‖²/s_t².
+    """Σ_h w_h ‖Q p_h(z) + t − q_h‖² / (σ D)² + ‖y‖² + (‖ω‖²/s_ω² + ‖t‖²/s_t²) / freedom².
 
     Args:
         prior: of the latent code.
@@ -146,6 +146,7 @@ class HandleObjective:
         rigid: whether ω and t are unknowns; otherwise they stay zero.
         targets: (H, 3).
         weights: (H,).
+        freedom: factor on the standard deviations of the rigid motion.
     """
 
     prior: LatentPrior
@@ -156,6 +157,7 @@ class HandleObjective:
     rigid: bool
     targets: FloatArray
     weights: FloatArray
+    freedom: float = 1.0
 
     @classmethod
     def of(cls, model: DeformationModel, noise: float, rigid: bool) -> HandleObjective:
@@ -179,6 +181,11 @@ class HandleObjective:
     def code(self, x: FloatArray) -> FloatArray:
         """Latent code z (K,) of the unknowns."""
         return self.prior.mean + self.factor @ x[:-6]
+
+    def unknowns(self, z: FloatArray, rotation: FloatArray, move: FloatArray) -> FloatArray:
+        """Unknowns x of a latent code (K,) and a rigid motion; the inverse of `code`."""
+        y = np.linalg.solve(self.factor, z - self.prior.mean)
+        return np.asarray(np.concatenate([y, rotation, move]), dtype=np.float64)
 
     def motion(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rigid motion of points given relative to the centroid: rotation (3, 3), origin (3,)."""
@@ -265,8 +272,8 @@ class HandleObjective:
     def stiffness(self) -> FloatArray:
         """Weights (K+6,) of the squared unknowns."""
         stiffness = np.ones(self.size)
-        stiffness[-6:-3] = _ROTATION_SCALE**-2
-        stiffness[-3:] = _TRANSLATION_SCALE**-2
+        stiffness[-6:-3] = (self.freedom * _ROTATION_SCALE) ** -2
+        stiffness[-3:] = (self.freedom * _TRANSLATION_SCALE) ** -2
         return stiffness
 
     def _row_weights(self) -> FloatArray:
@@ -275,8 +282,24 @@ class HandleObjective:
     def _misfit(self, x: FloatArray, p: FloatArray) -> FloatArray:
         return self._row_weights()[:, None] * (self.move(x, p) - self.targets)
 
+    def posterior(self, x: FloatArray, p: FloatArray, dp: FloatArray) -> FloatArray:
+        """Covariance (n, n) of the unknowns given the handles: Laplace's approximation at x.
+
+        n is K+6, or K where the rigid motion is no unknown; p (H, 3) and dp (H, 3, K) are the
+        handle positions and their derivative.
+        """
+        active = self.size if self.rigid else self.size - 6
+        J = self._jacobian(x, p, dp)[:, :active]
+        H = J.T @ J + np.diag(self.stiffness[:active])
+        return np.asarray(np.linalg.inv(H), dtype=np.float64)
+
     def _jacobian(self, x: FloatArray, p: FloatArray, dp: FloatArray) -> FloatArray:
         """Derivative (3H, K+6) of the misfit."""
+        J = self.tangents(x, p, dp) * self._row_weights()[:, None, None]
+        return J.reshape(3 * len(p), self.size)
+
+    def tangents(self, x: FloatArray, p: FloatArray, dp: FloatArray) -> FloatArray:
+        """Derivative (H, 3, K+6) of moved points p (H, 3) with derivative dp (H, 3, K)."""
         H = len(p)
         omega = x[-6:-3]
         Q = log_to_rotation(omega)
@@ -285,8 +308,7 @@ class HandleObjective:
         # ∂(exp(ω) p)/∂ω = −exp(ω) [p]× J_right(ω)
         J[:, :, -6:-3] = -Q @ _cross_matrices(p) @ right_jacobian(omega)
         J[:, :, -3:] = self.diagonal * np.eye(3)
-        J *= self._row_weights()[:, None, None]
-        return J.reshape(3 * H, self.size)
+        return J
 
 
 def _cross_matrices(p: FloatArray) -> FloatArray:

@@ -15,10 +15,10 @@ APPLICATION = ROOT / "app" / "deformer_app"
 ORDER = [
     "errors", "parallel", "mesh",
     "_atomic", "_json_files", "_parsing", "_obj", "_off", "_ply", "_stl", "_glb", "io", "doctor",
-    "geodesics", "rotations", "metrics",
+    "geodesics", "rotations", "metrics", "symmetry", "strain",
     "rotation_field", "dissection", "cholesky", "features", "differentials", "poisson",
-    "autoencoder", "decoder", "losses", "training", "latent", "model", "learning",
-    "lanes", "packed", "surface", "landmarks", "objective", "basis", "handles",
+    "autoencoder", "decoder", "losses", "training", "latent", "model", "activations", "learning",
+    "lanes", "packed", "surface", "landmarks", "objective", "basis", "handles", "uncertainty",
     "frames", "torch_frames", "sequence", "baselines", "evaluation",
 ]  # fmt: skip
 RANK = {name: index for index, name in enumerate(ORDER)}

@@ -470,3 +470,105 @@ def test_a_warm_solve_without_a_last_solution_is_a_cold_one(model):
         solver.set_handles(SPREAD, shape[SPREAD] * 1.2, hard=True)
         poses.append(solver.solve(warm=warm).vertices)
     np.testing.assert_array_equal(*poses)
+
+
+def bent_away(model, solver):
+    """Two handles, one of them dragged off; the pose."""
+    vertices = [4, 115]
+    solver.set_handles(vertices, model.decode(model.codes[3])[vertices], hard=[False, True])
+    solver.solve()
+    return solver.drag(115, model.reference.vertices[115] + [0.1, -0.4, 0.3])
+
+
+def test_a_resumed_solution_gives_the_same_pose_whatever_went_before(model, diagonal):
+    """Another solver, other handles and solutions in between: the same to rounding."""
+    first, second = HandleSolver(model), HandleSolver(model)
+    pose = bent_away(model, first)
+    solution = pose.z, pose.rotation, pose.translation
+    shown = first.resume(*solution)
+    np.testing.assert_allclose(shown.z, pose.z, atol=1e-9)
+    np.testing.assert_allclose(shown.residual[1], 0, atol=1e-9)
+    second.set_handles([70], [[1.0, 1.0, 0.0]], hard=True)
+    second.solve()
+    handles = first.handles
+    second.set_handles(
+        [h.vertex for h in handles], [h.target for h in handles], hard=[h.hard for h in handles]
+    )
+    assert largest(second.resume(*solution).vertices - shown.vertices) < 1e-7 * diagonal
+    # And without exact handles it is what the solve itself shows.
+    soft = HandleSolver(model)
+    soft.set_handles([4], model.decode(model.codes[3])[[4]])
+    pose = soft.solve()
+    again = soft.resume(pose.z, pose.rotation, pose.translation)
+    assert largest(again.vertices - pose.vertices) < 1e-7 * diagonal
+    assert again.energy == pytest.approx(pose.energy, rel=1e-6)
+
+
+def test_leaning_on_another_code(model, diagonal):
+    """Without handles the pose is that code's; a solver begun that way agrees with one changed."""
+    solver = HandleSolver(model)
+    bent_away(model, solver)
+    solver.lean(on=model.codes[5])
+    pose = solver.solve(warm=True)
+    for _ in range(5):
+        pose = solver.solve(warm=True)
+    other = HandleSolver(model)
+    other.lean(on=model.codes[5])
+    bent_away(model, other)
+    assert pose.energy < 1.02 * other.solve().energy
+    solver.set_handles([], np.zeros((0, 3)))
+    free = solver.solve()
+    np.testing.assert_allclose(free.z, model.codes[5], atol=1e-9)
+    np.testing.assert_allclose(free.vertices, model.decode(model.codes[5]), atol=1e-5 * diagonal)
+
+
+def test_leaning_moves_nothing_by_itself(model):
+    solver = HandleSolver(model)
+    pose = bent_away(model, solver)
+    before = solver.objective.code(solver.solution)
+    solver.lean(on=model.codes[1], noise=0.02, freedom=0.5)
+    np.testing.assert_allclose(solver.objective.code(solver.solution), before, atol=1e-9)
+    assert solver.objective.noise == 0.02 and solver.objective.freedom == 0.5
+    assert np.isfinite(pose.energy)
+
+
+def test_a_lone_handle_carries_the_shape_along_or_bends_it(model, diagonal):
+    goal = model.decode(model.codes[0])[115] + [0.0, 0.3, 0.0]
+    shifts = []
+    for freedom in (1.0, 0.01):
+        solver = HandleSolver(model, freedom=freedom)
+        solver.lean(on=model.codes[0])
+        solver.set_handles([115], [goal])
+        pose = solver.solve()
+        assert pose.residual[0] < 0.02 * diagonal
+        shifts.append(np.linalg.norm(pose.translation))
+    assert shifts[0] > 0.25 and shifts[1] < 0.05
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [({"noise": 0.0}, "noise"), ({"freedom": -1.0}, "freedom"), ({"noise": np.nan}, "noise"),
+     ({"on": [1.0]}, "z: expected 6"), ({"on": [np.inf] * 6}, "not finite")],
+)  # fmt: skip
+def test_leaning_refuses_what_makes_no_sense(model, wrong, said):
+    with pytest.raises(InputError, match=said):
+        HandleSolver(model).lean(**wrong)
+
+
+def test_leaning_between_new_handles_and_their_solve(model):
+    """Where the handles lie in the last solution is not known there yet."""
+    _, shape = pose_between(model)
+    solver = HandleSolver(model)
+    solver.set_handles(SPREAD[:3], shape[SPREAD[:3]])
+    solver.solve()
+    solver.set_handles(SPREAD, shape[SPREAD])
+    solver.lean(noise=0.01)
+    found = solver.solve(warm=True)
+    other = HandleSolver(model)
+    other.set_handles(SPREAD[:3], shape[SPREAD[:3]])
+    other.solve()
+    other.lean(noise=0.01)
+    other.set_handles(SPREAD, shape[SPREAD])
+    expected = other.solve(warm=True)
+    np.testing.assert_allclose(found.vertices, expected.vertices, atol=1e-5)
+    assert np.isfinite(found.energy)

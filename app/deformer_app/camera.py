@@ -1,8 +1,8 @@
-"""A perspective camera as plain numbers: aim it at vertices, project points to pixels."""
+"""A perspective camera as plain numbers: aim it, move it, go from points to pixels and back."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -53,6 +53,108 @@ class Camera:
         scale = 0.5 * height / np.tan(np.radians(self.view_angle) / 2)
         xy = scale * local[:, :2] / -local[:, 2:]
         return np.stack([width / 2 + xy[:, 0], height / 2 - xy[:, 1]], axis=1)
+
+    def depths(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Distances (N,) of `points` (N, 3) from the eye along the view; negative is behind it."""
+        return (np.asarray(points, dtype=np.float64) - self.position) @ -self.axes()[2]
+
+    def ray(self, pixel: ArrayLike, size: tuple[int, int]) -> Ray:
+        """The line of sight through a pixel (2,) of an image of `size` (width, height)."""
+        width, height = size
+        x, y = np.asarray(pixel, dtype=np.float64)
+        tangent = 2 * np.tan(np.radians(self.view_angle) / 2) / height
+        right, up, backward = self.axes()
+        direction = tangent * ((x - width / 2) * right + (height / 2 - y) * up) - backward
+        return Ray(np.asarray(self.position, dtype=np.float64), direction)
+
+    def unproject(
+        self, pixel: ArrayLike, depth: float, size: tuple[int, int]
+    ) -> NDArray[np.float64]:
+        """The point (3,) that is seen at a pixel (2,), `depth` from the eye along the view."""
+        ray = self.ray(pixel, size)
+        # A ray's direction reaches depth 1.
+        return ray.origin + depth * ray.direction
+
+    def pixel_size(self, point: ArrayLike, size: tuple[int, int]) -> float:
+        """Length that one pixel spans at the depth of `point` (3,)."""
+        depth = max(float(self.depths(np.reshape(point, (1, 3)))[0]), 1e-9)
+        return depth * 2 * float(np.tan(np.radians(self.view_angle) / 2)) / size[1]
+
+    def orbited(self, right: float, down: float, sky: ArrayLike) -> Camera:
+        """The camera turned about its focal point as on a turntable.
+
+        Args:
+            right: degrees that the scene turns to the right about `sky`.
+            down: degrees that it tips towards the viewer; the poles stop it.
+            sky: (3,) the direction that stays up.
+        """
+        up = _unit(sky)
+        offset = np.subtract(self.position, self.focal)
+        side = np.cross(up, offset)
+        across = float(np.sqrt((side**2).sum()))
+        height = float(offset @ up)
+        elevation = np.degrees(np.arctan2(height, across))
+        side = self.axes()[0] if across < 1e-9 * np.sqrt((offset**2).sum()) else side / across
+        front = np.cross(side, up)
+        turn = np.radians(-right)
+        front, side = (
+            np.cos(turn) * front + np.sin(turn) * side,
+            np.cos(turn) * side - np.sin(turn) * front,
+        )
+        rise = np.radians(np.clip(elevation + down, -89.0, 89.0))
+        distance = np.sqrt((offset**2).sum())
+        eye = self.focal + distance * (np.cos(rise) * front + np.sin(rise) * up)
+        return replace(self, position=_vector(eye), up=_vector(up))
+
+    def panned(self, right: float, down: float, size: tuple[int, int]) -> Camera:
+        """The camera moved in its plane so that the focal point goes by so many pixels."""
+        axes, step = self.axes(), self.pixel_size(self.focal, size)
+        shift = step * (-right * axes[0] + down * axes[1])
+        return replace(
+            self,
+            position=_vector(self.position + shift),
+            focal=_vector(self.focal + shift),
+        )
+
+    def zoomed(self, factor: float, pixel: ArrayLike, size: tuple[int, int]) -> Camera:
+        """The camera nearer by `factor` (above 1 is nearer); what is at the pixel stays there."""
+        distance = np.sqrt((np.subtract(self.position, self.focal) ** 2).sum())
+        anchor = self.unproject(pixel, float(distance), size)
+        return replace(
+            self,
+            position=_vector(anchor + (self.position - anchor) / factor),
+            focal=_vector(anchor + (self.focal - anchor) / factor),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Ray:
+    """A half-line: `origin` (3,) and `direction` (3,) of any length."""
+
+    origin: NDArray[np.float64]
+    direction: NDArray[np.float64]
+
+    def along(self, point: ArrayLike, axis: ArrayLike) -> float | None:
+        """Where on the line through `point` along unit `axis` the ray comes closest.
+
+        Returns:
+            The signed distance from `point`; None where the two are all but parallel.
+        """
+        a, d = np.asarray(axis, dtype=np.float64), _unit(self.direction)
+        across = 1.0 - (a @ d) ** 2
+        if across < 1e-4:
+            return None
+        gap = self.origin - np.asarray(point)
+        return float((gap @ a - (gap @ d) * (a @ d)) / across)
+
+    def on_plane(self, point: ArrayLike, normal: ArrayLike) -> NDArray[np.float64] | None:
+        """Where the ray meets a plane; None where it grazes it or leads away."""
+        n, d = np.asarray(normal, dtype=np.float64), _unit(self.direction)
+        slope = float(n @ d)
+        if abs(slope) < 1e-3:
+            return None
+        distance = float(n @ (np.asarray(point) - self.origin)) / slope
+        return self.origin + distance * d if distance > 0 else None
 
 
 def upright_axes(up: str = "y") -> NDArray[np.float64]:

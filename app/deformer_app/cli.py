@@ -221,19 +221,10 @@ def info(
     epilog=_examples(
         "deformer fit humanoid handles.json -o pose.ply",
         "deformer fit walk-model frames.json -o poses.npz --hard",
+        "deformer fit --session edited.json -o pose.ply",
     )
 )
 def fit(
-    model: Model,
-    handles: Annotated[
-        Path,
-        typer.Argument(
-            metavar="HANDLES",
-            help='JSON {"handles": \\[{"vertex": 17, "position": \\[x, y, z], "weight": 1}, …]}, '
-            'or {"frames": \\[\\[…handles…], …]} for a sequence.',
-            show_default=False,
-        ),
-    ],
     output: Annotated[
         Path,
         typer.Option(
@@ -243,6 +234,26 @@ def fit(
             "directory of PLY files.",
         ),
     ],
+    model: Annotated[
+        str | None,
+        typer.Argument(metavar="MODEL", help=MODEL_HELP, show_default=False),
+    ] = None,
+    handles: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="HANDLES",
+            help='JSON {"handles": \\[{"vertex": 17, "position": \\[x, y, z], "weight": 1}, …]}, '
+            'or {"frames": \\[\\[…handles…], …]} for a sequence.',
+            show_default=False,
+        ),
+    ] = None,
+    session: Annotated[
+        Path | None,
+        typer.Option(
+            help="In place of HANDLES: a session saved by deformer edit, to the pose it shows. "
+            "MODEL is then only needed if the model has moved.",
+        ),
+    ] = None,
     hard: Annotated[
         bool, typer.Option("--hard", help="Meet every handle exactly, and not just closely.")
     ] = False,
@@ -261,6 +272,13 @@ def fit(
     from deformer import io
     from deformer_app import fitting
 
+    if session is not None:
+        _fit_session(session, model, handles, output, as_json)
+        return
+    if model is None or handles is None:
+        raise deformer.InputError(
+            "fit: expected MODEL and HANDLES, or --session FILE; see deformer fit --help"
+        )
     loaded = deformer.load_model(model)
     file = io.load_handles(handles, len(loaded.reference.vertices))
     fitting.check_output(output, file.is_sequence)
@@ -410,6 +428,47 @@ def evaluate(
     console.show_facts(str(output), result)
 
 
+@app.command(
+    epilog=_examples(
+        "deformer edit",
+        "deformer edit walk-model",
+        "deformer edit --session pose.json",
+    )
+)
+def edit(
+    model: Annotated[
+        str | None,
+        typer.Argument(metavar="[MODEL]", help=f"{MODEL_HELP} The shipped humanoid if absent."),
+    ] = None,
+    session: Annotated[Path | None, typer.Option(help="A saved session to go on with.")] = None,
+    plain: Annotated[
+        bool,
+        typer.Option("--plain", help="A bare window without menus; needs no Qt."),
+    ] = False,
+) -> None:
+    """Open a window: click a vertex, drag it, done.
+
+    Menus and docks need Qt: pip install "deformer\\[app]".
+    """
+    from deformer_app.editor import opening
+
+    first, saved = opening(model, session)
+    if plain:
+        from deformer_app.plain import PlainWindow
+
+        PlainWindow(first, saved, session).run()
+        return
+    from deformer import InputError
+
+    try:
+        from deformer_app.window import run_window
+    except ImportError as error:
+        raise InputError(
+            f'edit: the window needs Qt ({error}); pip install "deformer[app]", or add --plain'
+        ) from error
+    raise typer.Exit(run_window(first, saved, session))
+
+
 @app.command(epilog=_examples("deformer demo", "deformer demo -o pictures --json"))
 def demo(
     output: Annotated[
@@ -446,6 +505,29 @@ def _numbers(name: str, text: str | None) -> tuple[int, ...] | None:
         raise typer.BadParameter(
             f"expected whole numbers with commas between, got {text!r}", param_hint=f"--{name}"
         ) from None
+
+
+def _fit_session(
+    path: Path, model: str | None, handles: Path | None, output: Path, as_json: bool
+) -> None:
+    """Write the pose that a session shows."""
+    import deformer
+    from deformer_app import fitting, posing
+    from deformer_app.session import Session
+
+    if handles is not None:
+        raise deformer.InputError(f"fit: got both {handles} and --session; give one of them")
+    fitting.check_output(output, is_sequence=False)
+    session = Session.load(path)
+    loaded = deformer.load_model(model or session.model.path)
+    session.check_fits(loaded, path)
+    pose = posing.replay(session, loaded)
+    fitting.save(output, loaded.reference.faces, pose.vertices)
+    result = fitting.describe(pose)
+    if as_json:
+        console.emit({**result, "output": str(output)})
+    else:
+        console.show_facts(str(output), {k: v for k, v in result.items() if k != "z"})
 
 
 def _load_shapes(path: Path) -> MeshSequence:

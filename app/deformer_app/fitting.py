@@ -49,14 +49,18 @@ def pose(
         hard=hard,
     )
     found = solver.solve()
-    record = {
+    return found.vertices, describe(found)
+
+
+def describe(found: deformer.Pose) -> dict[str, Any]:
+    """The record of a pose."""
+    return {
         "z": found.z,
         **_residuals(found.residual),
         "iterations": found.iterations,
         "milliseconds": found.milliseconds,
         "prior_distance": found.prior_distance,
     }
-    return found.vertices, record
 
 
 def sequence(
@@ -122,6 +126,8 @@ def _tracks(handles: io.HandleFile) -> tuple[NDArray, NDArray, NDArray]:
 
 def _residuals(distances: NDArray) -> dict[str, float]:
     """Sum up distances; NaN is a handle that is not there."""
+    if not len(distances):
+        return {"residual_rms": 0.0, "max_residual": 0.0}
     return {
         "residual_rms": float(np.sqrt(np.nanmean(distances**2))),
         "max_residual": float(np.nanmax(distances)),

@@ -42,7 +42,7 @@ FEATURE_ANGLE = 60.0  # degrees between faces from which an edge is drawn sharp
 _SURFACELESS = 0x31DD  # EGL_PLATFORM_SURFACELESS_MESA
 
 # Camera lights (position in units of the view, x right, y up, z towards the eye): colour, strength.
-_LIGHTS = (
+LIGHTS = (
     ((-0.7, 0.9, 1.1), "#fff6ea", 0.82),  # key, warm, from the upper left
     ((1.4, 0.1, 0.9), "#e1ebff", 0.42),  # fill, cool, from the right
     ((0.5, 1.2, -1.2), "#ffffff", 0.50),  # rim, from behind
@@ -109,11 +109,11 @@ def render(
         InputError: the machine cannot render off-screen.
     """
     drawn = [item if isinstance(item, Layer) else Layer(item) for item in _listed(layers)]
-    with _off_screen():
+    with off_screen():
         plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
     try:
         plotter.set_background(background)  # pyright: ignore[reportArgumentType]
-        for position, color, strength in _LIGHTS:
+        for position, color, strength in LIGHTS:
             light = pv.Light(color=color, intensity=strength, light_type="camera light")
             light.position = position
             plotter.add_light(light)
@@ -305,7 +305,7 @@ def _add_balls(plotter: pv.Plotter, centres: NDArray, radius: float, color: str)
 
 
 @contextmanager
-def _off_screen() -> Iterator[None]:
+def off_screen() -> Iterator[None]:
     """Have VTK's next render window drawn through EGL on Linux, whatever DISPLAY says."""
     if not sys.platform.startswith("linux"):
         yield

@@ -1,0 +1,100 @@
+"""What the program remembers between two starts: recent files, the tour, work that a crash left."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import typer
+from filelock import FileLock, Timeout
+
+from deformer import InputError, io
+
+_RECENT = 10
+
+
+class Places:
+    """The program's own folder.
+
+    Args:
+        folder: by default the one that the system has for settings.
+    """
+
+    def __init__(self, folder: Path | None = None) -> None:
+        """Make the folder and take a name for this run's autosave."""
+        self.folder = folder or Path(
+            os.environ.get("DEFORMER_SETTINGS") or typer.get_app_dir("deformer")
+        )
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self._settings = self.folder / "settings.json"
+        # The system gives a lock back when its process ends, however it ends.
+        self._lock: FileLock | None = None
+        self.autosave = self.folder / "autosave.json"
+        for number in range(1000):
+            self.autosave = self.folder / f"autosave-{number}.json"
+            lock = FileLock(f"{self.autosave}.lock")
+            try:
+                lock.acquire(timeout=0)
+            except Timeout:
+                continue
+            if self.autosave.exists():  # left by a crash: keep it until it is asked for
+                lock.release()
+                continue
+            self._lock = lock
+            break
+
+    def _read(self) -> dict[str, Any]:
+        if not self._settings.is_file():
+            return {}
+        try:
+            return io.read_json(self._settings)
+        except InputError:
+            return {}  # settings are a comfort: damaged ones are begun anew
+
+    def _write(self, **changes: Any) -> None:
+        io.write_json(self._settings, {**self._read(), **changes})
+
+    @property
+    def recent(self) -> list[str]:
+        """Models and sessions opened last, the latest first."""
+        return [str(name) for name in self._read().get("recent", [])]
+
+    def remember(self, path: str) -> None:
+        """Put a model or session first among the recent ones."""
+        others = [name for name in self.recent if name != path]
+        self._write(recent=[path, *others][:_RECENT])
+
+    @property
+    def tour_seen(self) -> bool:
+        """Whether the tour has been shown."""
+        return bool(self._read().get("tour_seen"))
+
+    def note_tour(self) -> None:
+        """The tour has been shown."""
+        self._write(tour_seen=True)
+
+    def left_by_crash(self) -> Path | None:
+        """The newest autosave of a run that has not ended well."""
+        found = []
+        for path in self.folder.glob("autosave-*.json"):
+            lock = FileLock(f"{path}.lock")
+            try:
+                with lock.acquire(timeout=0):
+                    found.append(path)
+            except Timeout:
+                continue  # another window is at work on it
+        own = [path for path in found if path != self.autosave]
+        return max(own, key=lambda path: path.stat().st_mtime, default=None)
+
+    def forget(self, path: Path) -> None:
+        """Delete an autosave."""
+        path.unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """All is well: no autosave is left behind."""
+        self.forget(self.autosave)
+        if self._lock is not None:
+            self._lock.release()
+            Path(self._lock.lock_file).unlink(missing_ok=True)
+            self._lock = None

@@ -1,0 +1,108 @@
+"""Animations of what the window shows: drags as they happen, and turntables."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from deformer import InputError, io
+from deformer_app.pictures import Picture, save_gif
+
+if TYPE_CHECKING:
+    from deformer_app.editor import Editor
+
+FPS = 25
+_TURN = 72  # pictures of a turntable
+_LONGEST = 1500  # frames of a recording: a minute; memory is pictures times their size
+
+
+class Recorder:
+    """Keeps the frames that an editor draws, with their times.
+
+    Args:
+        editor: whose picture it is.
+    """
+
+    def __init__(self, editor: Editor) -> None:
+        """Begin with the next frame."""
+        self._editor = editor
+        self.frames: list[Picture] = []
+        self._times: list[float] = []
+        editor.on_frame = self._take
+
+    def _take(self) -> None:
+        if len(self.frames) < _LONGEST:
+            self.frames.append(self._editor.view.grab())
+            self._times.append(time.perf_counter())
+
+    def stop(self) -> list[Picture]:
+        """The frames at a steady rate; a pause lasts at most half a second."""
+        self._editor.on_frame = None
+        if not self.frames:
+            return []
+        gaps = np.minimum(np.diff(self._times), 0.5)
+        at = np.concatenate([[0.0], np.cumsum(gaps)])
+        steady = np.arange(0.0, at[-1] + 1.0 / FPS, 1.0 / FPS)
+        shown = np.searchsorted(at, steady, side="right") - 1
+        return [self.frames[n] for n in shown]
+
+
+def turntable(editor: Editor, path: Path) -> Iterator[None]:
+    """Write a full turn about the model's up axis; a picture a step.
+
+    Raises:
+        InputError: the file's ending is neither .gif nor .mp4.
+    """
+    _check(path)
+    first, pictures = editor.camera, []
+    try:
+        for n in range(_TURN):
+            editor.camera = first.orbited(360.0 * n / _TURN, 0.0, editor.sky)
+            editor.view.look(editor.camera)
+            editor.view.sharpen(True)
+            editor.view.show_gizmo(None, None)
+            editor.view.render()
+            pictures.append(editor.view.grab())
+            yield
+    finally:
+        editor.camera = first
+        editor.camera_moved()
+    save_animation(path, pictures)
+
+
+def save_animation(path: Path, pictures: Sequence[Picture]) -> None:
+    """Write pictures as .gif or .mp4.
+
+    Raises:
+        InputError: another ending, no pictures, or MP4 without imageio-ffmpeg.
+    """
+    _check(path)
+    if not pictures:
+        raise InputError(f"{path}: nothing was drawn, so there is nothing to write")
+    height, width = (2 * (n // 2) for n in pictures[0].shape[:2])  # H.264 wants even sizes
+    with io.atomic_path(path) as temporary:
+        if path.suffix.lower() == ".gif":
+            save_gif(temporary, pictures, FPS)
+            return
+        try:
+            import imageio_ffmpeg
+        except ImportError as error:
+            raise InputError(
+                f"{path}: MP4 needs imageio-ffmpeg; pip install imageio-ffmpeg, or write a .gif"
+            ) from error
+        writer = imageio_ffmpeg.write_frames(
+            str(temporary), (width, height), fps=FPS, quality=7, macro_block_size=2
+        )
+        writer.send(None)
+        for picture in pictures:
+            writer.send(np.ascontiguousarray(picture[:height, :width]))
+        writer.close()
+
+
+def _check(path: Path) -> None:
+    if path.suffix.lower() not in (".gif", ".mp4"):
+        raise InputError(f"{path}: got ending {path.suffix!r}, expected .gif or .mp4")

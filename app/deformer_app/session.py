@@ -1,0 +1,375 @@
+"""What is being edited: handles, the pose to lean on, an endless history, and one file for it all.
+
+Nothing here knows of windows or solves anything. Every state is an immutable `Edit`; a command
+makes the next one, `Session` keeps them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+import deformer
+from deformer import InputError, io
+
+FORMAT = 1
+Point = tuple[float, float, float]
+Kind = Literal["soft", "exact", "pin"]
+KINDS: tuple[Kind, ...] = ("soft", "exact", "pin")
+Body = Literal["auto", "stays", "moves"]
+BODIES: tuple[Body, ...] = ("auto", "stays", "moves")
+
+NOISE = 0.007  # of the solver by default
+# Share of its freedom that a body keeps that is to stay where it is; see HandleSolver.
+_STAYS = 0.01
+# So many handles hold a body in space; with fewer a drag would only carry it along.
+_HOLD = 3
+
+
+@dataclass(frozen=True)
+class Handle:
+    """Something the user holds: a vertex, or a painted region by a few vertices of it.
+
+    Args:
+        id: number that it keeps for life.
+        vertices: the vertices that have targets; one, unless it is a region.
+        targets: a point for each of them.
+        kind: "soft" (close to its target), "exact" (on it) or "pin" (on it, and drags leave it).
+        weight: of a soft handle.
+        patch: all vertices of a region; empty otherwise.
+    """
+
+    id: int
+    vertices: tuple[int, ...]
+    targets: tuple[Point, ...]
+    kind: Kind = "soft"
+    weight: float = 1.0
+    patch: tuple[int, ...] = ()
+
+    @property
+    def centre(self) -> Point:
+        """Mean of the targets."""
+        return point(np.mean(self.targets, axis=0))
+
+    @property
+    def is_region(self) -> bool:
+        """Whether it holds a painted region."""
+        return bool(self.patch)
+
+    def moved(self, motion: Callable[[ArrayLike], Any]) -> Handle:
+        """The handle with its targets moved."""
+        return replace(self, targets=tuple(point(p) for p in motion(np.array(self.targets))))
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What the solver found: enough to show the same pose again (see HandleSolver.resume)."""
+
+    z: tuple[float, ...]
+    rotation: Point
+    translation: Point
+
+
+@dataclass(frozen=True)
+class Edit:
+    """All that decides a pose.
+
+    Args:
+        base: (K,) latent code to lean on: the pose without handles.
+        handles: what the user holds.
+        noise: how hard the prior holds; small follows the handles, see HandleSolver.
+        body: whether the body may turn and travel as a whole: "moves", "stays", or "auto", which
+            lets it once three handles hold it in space.
+    """
+
+    base: tuple[float, ...]
+    handles: tuple[Handle, ...] = ()
+    noise: float = NOISE
+    body: Body = "auto"
+
+    @property
+    def freedom(self) -> float:
+        """Freedom of the rigid motion, as HandleSolver takes it."""
+        free = len(self.handles) >= _HOLD if self.body == "auto" else self.body == "moves"
+        return 1.0 if free else _STAYS
+
+    def handle(self, number: int) -> Handle:
+        """The handle with an id."""
+        return next(handle for handle in self.handles if handle.id == number)
+
+    def with_handles(self, changed: Iterable[Handle]) -> Edit:
+        """Replace handles by id; new ids are added at the end."""
+        new = {handle.id: handle for handle in changed}
+        kept = [new.pop(handle.id, handle) for handle in self.handles]
+        return replace(self, handles=(*kept, *new.values()))
+
+    def without(self, ids: Iterable[int]) -> Edit:
+        """Leave handles out."""
+        gone = set(ids)
+        return replace(self, handles=tuple(h for h in self.handles if h.id not in gone))
+
+    def arrays(self) -> tuple[list[int], list[Point], list[float], list[bool]]:
+        """Vertices, targets, weights and hardness of all handles, as the solver takes them."""
+        rows = [
+            (vertex, target, handle.weight if handle.kind == "soft" else 1.0, handle.kind != "soft")
+            for handle in self.handles
+            for vertex, target in zip(handle.vertices, handle.targets, strict=True)
+        ]
+        vertices, targets, weights, hard = map(list, zip(*rows, strict=True)) if rows else ([],) * 4
+        return vertices, targets, weights, hard
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A step of the history: what was done, what it led to, and its pose once that is known."""
+
+    label: str
+    edit: Edit
+    solution: Solution | None = None
+
+
+@dataclass(frozen=True)
+class ModelName:
+    """Which model a session belongs to: where it was, and the fingerprint of its contents."""
+
+    path: str
+    fingerprint: str
+
+
+@dataclass
+class Session:
+    """The history of one model's editing.
+
+    Between `change` and `commit` an edit is under way (a drag); it becomes one entry.
+
+    Args:
+        model: which model is edited.
+        entries: the history, never empty.
+        cursor: the entry that is shown.
+        view: anything the window wants kept (camera, colours), as JSON values.
+    """
+
+    model: ModelName
+    entries: list[Entry]
+    cursor: int = 0
+    view: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Begin unchanged, with nothing under way."""
+        self._live: Edit | None = None
+        self._saved: Entry | None = self.entries[self.cursor]
+
+    @classmethod
+    def begin(cls, model: ModelName, base: ArrayLike) -> Session:
+        """A new session at a latent code (K,)."""
+        code = tuple(float(value) for value in np.asarray(base))
+        return cls(model, [Entry("Start", Edit(code))])
+
+    @property
+    def entry(self) -> Entry:
+        """The entry that is shown."""
+        return self.entries[self.cursor]
+
+    @property
+    def edit(self) -> Edit:
+        """The present state, with what is under way."""
+        return self.entry.edit if self._live is None else self._live
+
+    @property
+    def under_way(self) -> bool:
+        """Whether something has been changed and not yet committed."""
+        return self._live is not None
+
+    def change(self, edit: Edit) -> None:
+        """Try a state; `commit` makes it an entry, `revert` takes it back."""
+        self._live = edit
+
+    def revert(self) -> None:
+        """Drop what is under way."""
+        self._live = None
+
+    def commit(self, label: str, solution: Solution | None = None) -> bool:
+        """Make what is under way an entry; false if it has come to nothing."""
+        edit, self._live = self.edit, None
+        if edit == self.entry.edit:
+            return False
+        del self.entries[self.cursor + 1 :]
+        self.entries.append(Entry(label, edit, solution))
+        self.cursor += 1
+        return True
+
+    def do(self, label: str, edit: Edit) -> bool:
+        """Change and commit at once."""
+        self.change(edit)
+        return self.commit(label)
+
+    def solved(self, edit: Edit, solution: Solution) -> None:
+        """Note the pose of the entry that is shown, if it still is the solution of that edit."""
+        if self._live is None and edit == self.entry.edit:
+            was_saved = self._saved is self.entry
+            self.entries[self.cursor] = replace(self.entry, solution=solution)
+            if was_saved:
+                self._saved = self.entry
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is something to undo."""
+        return self.cursor > 0 and not self.under_way
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether there is something to redo."""
+        return self.cursor + 1 < len(self.entries) and not self.under_way
+
+    def undo(self) -> Entry:
+        """Go one entry back; the one that is shown now."""
+        self.cursor -= self.can_undo
+        return self.entry
+
+    def redo(self) -> Entry:
+        """Go one entry forth; the one that is shown now."""
+        self.cursor += self.can_redo
+        return self.entry
+
+    @property
+    def changed(self) -> bool:
+        """Whether something would be lost without saving."""
+        return self.under_way or self._saved is not self.entry
+
+    def mark_unsaved(self) -> None:
+        """Count as unsaved, as what a crash has left does."""
+        self._saved = None
+
+    def next_id(self) -> int:
+        """An id that no handle of the history has."""
+        used = [h.id for entry in self.entries for h in entry.edit.handles]
+        used += [h.id for h in self.edit.handles]
+        return max(used, default=0) + 1
+
+    def save(self, path: str | Path) -> None:
+        """Write the whole session as JSON."""
+        self.write_copy(path)
+        self._saved = self.entry
+
+    def write_copy(self, path: str | Path) -> None:
+        """Write the whole session as JSON; it still counts as unsaved."""
+        with io.atomic_path(path) as temporary:
+            io.write_json(temporary, self._as_json())
+
+    def _as_json(self) -> dict[str, Any]:
+        """Handles and bases are listed once; entries name them by their place."""
+        handles: dict[Handle, int] = {}
+        bases: dict[tuple[float, ...], int] = {}
+        entries = []
+        for entry in self.entries:
+            edit = entry.edit
+            named = [handles.setdefault(handle, len(handles)) for handle in edit.handles]
+            entries.append(
+                {
+                    "label": entry.label,
+                    "handles": named,
+                    "base": bases.setdefault(edit.base, len(bases)),
+                    "noise": edit.noise,
+                    "body": edit.body,
+                    "solution": None if entry.solution is None else asdict(entry.solution),
+                }
+            )
+        return {
+            "deformer_session": FORMAT,
+            "model": asdict(self.model),
+            "view": self.view,
+            "cursor": self.cursor,
+            "entries": entries,
+            "handles": [asdict(handle) for handle in handles],
+            "bases": list(bases),
+        }
+
+    @classmethod
+    def load(cls, path: str | Path) -> Session:
+        """Read what `save` has written.
+
+        Raises:
+            InputError: no session, of another format, or damaged; the message names the file.
+        """
+        data = io.read_json(path)
+        if data.get("deformer_session") != FORMAT:
+            raise InputError(
+                f"{path}: not a session of this release (deformer_session is "
+                f"{data.get('deformer_session')!r}, expected {FORMAT}); save it again there"
+            )
+        try:
+            return cls._from_json(data)
+        except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+            raise InputError(f"{path}: damaged session ({error!r}); restore the file") from error
+
+    @classmethod
+    def _from_json(cls, data: dict[str, Any]) -> Session:
+        handles = [_handle(item) for item in data["handles"]]
+        bases = [tuple(map(float, code)) for code in data["bases"]]
+        entries = []
+        for item in data["entries"]:
+            edit = Edit(
+                bases[item["base"]],
+                tuple(handles[n] for n in item["handles"]),
+                float(item["noise"]),
+                cast(Body, _one_of(BODIES, item["body"])),
+            )
+            solution = None
+            if item["solution"] is not None:
+                parts = item["solution"]
+                solution = Solution(
+                    tuple(map(float, parts["z"])),
+                    point(parts["rotation"]),
+                    point(parts["translation"]),
+                )
+            entries.append(Entry(str(item["label"]), edit, solution))
+        cursor = int(data["cursor"])
+        if not 0 <= cursor < len(entries):
+            raise ValueError(f"cursor {cursor} of {len(entries)} entries")
+        model = ModelName(str(data["model"]["path"]), str(data["model"]["fingerprint"]))
+        return cls(model, entries, cursor, dict(data["view"]))
+
+    def check_fits(self, model: deformer.DeformationModel, where: str | Path) -> None:
+        """Raise InputError unless the session was made with this very model."""
+        if model.fingerprint != self.model.fingerprint:
+            raise InputError(
+                f"{where}: made with another model than this one (it was {self.model.path}); "
+                "open that one"
+            )
+        K, V = model.components, len(model.reference.vertices)
+        for entry in self.entries:
+            codes = [entry.edit.base, *([entry.solution.z] if entry.solution else [])]
+            used = [v for h in entry.edit.handles for v in (*h.vertices, *h.patch)]
+            if any(len(code) != K for code in codes) or any(not 0 <= v < V for v in used):
+                raise InputError(f"{where}: damaged session (entry {entry.label!r}); restore it")
+
+
+def point(values: Any) -> Point:
+    """Three numbers as a tuple of floats."""
+    x, y, z = (float(value) for value in values)
+    return (x, y, z)
+
+
+def _handle(item: dict[str, Any]) -> Handle:
+    handle = Handle(
+        int(item["id"]),
+        tuple(map(int, item["vertices"])),
+        tuple(point(target) for target in item["targets"]),
+        cast(Kind, _one_of(KINDS, item["kind"])),
+        float(item["weight"]),
+        tuple(map(int, item["patch"])),
+    )
+    if not handle.vertices or len(handle.vertices) != len(handle.targets):
+        raise ValueError(f"handle {handle.id} has not a target for each vertex")
+    return handle
+
+
+def _one_of(choices: tuple[str, ...], value: Any) -> str:
+    if value not in choices:
+        raise ValueError(f"{value!r} is none of {choices}")
+    return value
