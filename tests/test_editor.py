@@ -14,6 +14,7 @@ import deformer
 from deformer import InputError, io
 from deformer_app import recording
 from deformer_app.editor import Editor
+from deformer_app.events import listen
 from deformer_app.gizmo import rotation
 from deformer_app.mesh_view import MeshView
 from deformer_app.pictures import off_screen
@@ -39,7 +40,7 @@ def editor(model_path):
         plotter = pv.Plotter(off_screen=True, window_size=list(SIZE), lighting="none")
         plotter.show(auto_close=False)
     work = Editor(MeshView(plotter))
-    work.view.listen(work.controller)
+    listen(work.view, work.controller)
     work.open_model(model_path)
     settle(work)
     yield work
@@ -140,7 +141,7 @@ def test_a_drag_brings_the_vertex_under_the_mouse_and_is_one_step(editor):
     there = editor.camera.project(editor.vertices[[vertex]], SIZE)[0]
     target = editor.camera.project([editor.edit.handles[0].centre], SIZE)[0]
     np.testing.assert_allclose(target, goal, atol=1.5)
-    assert np.hypot(*(there - goal)) < 6, "the prior resists a little"
+    assert np.hypot(*(there - goal)) < 0.5 * np.hypot(25, 40), "the prior resists a little"
     editor.set_kind("exact")
     settle(editor)
     there = editor.camera.project(editor.vertices[[vertex]], SIZE)[0]
