@@ -407,4 +407,6 @@ def test_mistakes_with_sessions(refuse, session_path, model_path, tmp_path):
     gone = tmp_path / "gone.json"
     assert "gone.json" in refuse("fit", "--session", gone, "-o", out)
     assert "gone.json" in refuse("edit", "--session", gone)
+    assert "no such model" in refuse("edit", tmp_path / "nowhere")
+    assert "another model" in refuse("edit", "humanoid", "--session", session_path)
     assert not out.exists()

@@ -28,6 +28,7 @@ from deformer_app.session import Edit, Handle, ModelName, Session, Solution, poi
 from deformer_app.solver_thread import SolverThread
 
 _REST = 0.25  # seconds without change after which the picture is drawn sharply
+_GLIDE = 0.12  # seconds from the last pose of a drag to the final one
 _LATE = 0.03  # seconds that marks wait for the pose they belong to
 
 
@@ -356,8 +357,11 @@ class Desk:
         return not (self._dirty or self.dragging) and now - self._changed_at > _REST
 
     def _show(self, answer: Answer) -> None:
-        self.answer = answer
-        self.view.move_mesh(answer.pose.vertices, answer.normals)
+        before, self.answer = self.answer, answer
+        if before is not None and answer.final and before.request.edit == answer.request.edit:
+            self.run(self._glide(before.pose.vertices, answer))
+        else:
+            self.view.move_mesh(answer.pose.vertices, answer.normals)
         if answer.paint is not None:
             self._paint = answer.paint
             self.view.paint(answer.paint)
@@ -365,6 +369,26 @@ class Desk:
             self.session.solved(answer.request.edit, answer.solution)
         self._dirty = True
         self._emit("pose")
+
+    def _glide(self, start: NDArray[np.float64], answer: Answer) -> Iterator[None]:
+        """Go from what a drag has shown to the final pose in a few frames.
+
+        Rigid relaxation of exact handles depends on the way during a drag and is done afresh at
+        its end: a difference of a per cent or two, which would look like a jump.
+        """
+        faces, begun = self.model.reference.faces, time.perf_counter()
+        apart = float(np.abs(answer.pose.vertices - start).max())
+        if apart < 1e-4 * self.model.reference.bounding_diagonal:
+            begun -= _GLIDE
+        while (share := (time.perf_counter() - begun) / _GLIDE) < 1.0:
+            between = start + share * (answer.pose.vertices - start)
+            self.view.move_mesh(between, deformer.vertex_normals(between, faces))
+            self._dirty = True
+            yield
+            if self.answer is not answer:
+                return
+        self.view.move_mesh(answer.pose.vertices, answer.normals)
+        self._dirty = True
 
     def _draw(self, answer: Answer | None) -> None:
         self._dirty = False

@@ -431,10 +431,14 @@ class Editor(Desk):
 
 
 def opening(model: str | None, session: Path | None) -> tuple[str, Session | None]:
-    """The model to open first, and the session to open with it.
+    """The model to open first, and the session to open with it, both looked at before any window.
 
     Raises:
-        InputError: the session is damaged or missing.
+        InputError: no such model, a session that is damaged, missing or of another model.
     """
     saved = Session.load(session) if session is not None else None
-    return model or (saved.model.path if saved else "humanoid"), saved
+    first = model or (saved.model.path if saved else "humanoid")
+    loaded = deformer.load_model(first)
+    if saved is not None and session is not None:
+        saved.check_fits(loaded, session)
+    return first, saved

@@ -366,10 +366,10 @@ class Window(QMainWindow):
         self._tour_step = None
         self._tour.hide()
 
-    @property
-    def message(self) -> str:
-        """The last mistake that was told."""
-        return self._banner_text.text()
+    def unexpected(self, kind: type[BaseException], error: BaseException, trace: Any) -> None:
+        """Tell of a fault of the program in the window, too, and go on: the session is whole."""
+        sys.__excepthook__(kind, error, trace)
+        self._say(f"A fault of the program: {error!r}. Your session is kept; save it.")
 
     def _say(self, text: str) -> None:
         self._banner_text.setText(text)
@@ -487,11 +487,7 @@ class Window(QMainWindow):
 
 
 def run_window(model: str, session: Session | None, file: Path | None) -> Session:
-    """Show the window until it is closed; the session.
-
-    Raises:
-        InputError: there was no model that could be opened.
-    """
+    """Show the window until it is closed; the session."""
     app = QApplication.instance() or QApplication(sys.argv[:1])
     app.setApplicationName("Deformer")
     app.setStyle("Fusion")  # pyright: ignore[reportAttributeAccessIssue]
@@ -501,7 +497,6 @@ def run_window(model: str, session: Session | None, file: Path | None) -> Sessio
     window = Window(Places())
     window.show()
     QTimer.singleShot(0, lambda: window.begin(model, session, file))
+    sys.excepthook = window.unexpected
     app.exec()
-    if not window.editor.is_open:
-        raise InputError(window.message)
     return window.editor.session
