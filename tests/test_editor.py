@@ -299,6 +299,74 @@ def test_a_painted_region_moves_and_turns_as_one(editor):
     assert off.mean() < 0.5 * stayed.mean()
 
 
+def test_the_brush_grows_and_shrinks(editor):
+    painted = []
+    for factor in (1.0, 3.0):
+        editor.resize_brush(factor)
+        editor.brush(60)
+        editor.finish_region()
+        painted.append(len(editor.edit.handles[-1].patch))
+    assert painted[0] < painted[1]
+
+
+@pytest.mark.parametrize("mode", ["rotate", "scale"])
+def test_several_handles_turn_and_grow_about_their_centre(editor, mode):
+    for vertex in (4, 60, 115):
+        editor.place(vertex, add=True)
+    editor.commit("Place handle")
+    settle(editor)
+    editor.set_gizmo(mode)
+    settle(editor)
+    before = np.array([handle.centre for handle in editor.edit.handles])
+    part = {"rotate": "rz", "scale": "s"}[mode]
+    outline = editor.gizmo.outline(part, editor.camera, SIZE)
+    line = editor.camera.project(outline, SIZE)
+    at = next(
+        pixel
+        for pixel in line
+        if editor.gizmo.part_at(pixel, editor.camera, SIZE) == part
+        and editor.handle_at(pixel) is None
+    )
+    mouse(editor, at, at + (np.array([20, 25]) if mode == "rotate" else np.array([60, 0])))
+    after = np.array([handle.centre for handle in editor.edit.handles])
+    assert editor.session.entry.label == mode.capitalize()
+    np.testing.assert_allclose(after.mean(axis=0), before.mean(axis=0), atol=1e-9)
+    was, now = (np.linalg.norm(p - p.mean(axis=0), axis=1) for p in (before, after))
+    if mode == "rotate":
+        np.testing.assert_allclose(now, was)
+        np.testing.assert_allclose(after[:, 2], before[:, 2], atol=1e-9)
+        assert np.abs(after - before).max() > 0.01
+    else:
+        np.testing.assert_allclose(now, 2**0.5 * was, rtol=1e-6)
+
+
+def test_looking_around_never_waits_for_a_slow_solver(editor, monkeypatch):
+    class Stuck:
+        busy = True
+
+        def take(self):
+            return None
+
+        def failures(self):
+            return []
+
+        def close(self, seconds=0.0):
+            pass
+
+    thread = editor._thread
+    monkeypatch.setattr(editor, "_thread", Stuck())
+    frames = []
+    editor.on_frame = lambda: frames.append(1)
+    end = time.perf_counter() + 0.5
+    while time.perf_counter() < end:
+        editor.camera = editor.camera.orbited(1.0, 0.0, editor.sky)
+        editor.camera_moved()
+        editor.tick()
+        time.sleep(0.002)
+    thread.close()
+    assert len(frames) >= 2
+
+
 def test_mirroring_copies_handles_to_the_other_side(editor):
     editor.tell_symmetry("z")
     vertex, at = seen(editor, 0.9)

@@ -29,7 +29,7 @@ from deformer_app.solver_thread import SolverThread
 
 _REST = 0.25  # seconds without change after which the picture is drawn sharply
 _GLIDE = 0.12  # seconds from the last pose of a drag to the final one
-_LATE = 0.03  # seconds that marks wait for the pose they belong to
+_LATE = 0.03  # seconds after a frame that the next one waits for the pose it belongs to
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Desk:
         self._dirty = False
         self._asked: dict[int, float] = {}
         self._number = 0
-        self._changed_at = 0.0
+        self._changed_at = self._drawn_at = 0.0
         self._jobs: list[Iterator[None]] = []
         self.on_frame: Callable[[], None] | None = None
         self.message = ""
@@ -339,7 +339,7 @@ class Desk:
         if answer is not None:
             self._show(answer)
         now = time.perf_counter()
-        waiting = self._thread.busy and now - self._changed_at < _LATE and self.answer is not None
+        waiting = self._thread.busy and now - self._drawn_at < _LATE and self.answer is not None
         if self._dirty and (answer is not None or not waiting):
             self._draw(answer)
         elif self._rests(now) and self.view.sharpen(True):
@@ -395,6 +395,7 @@ class Desk:
         self.view.sharpen(False)
         self._update_marks()
         self.view.render()
+        self._drawn_at = time.perf_counter()
         if answer is not None:
             self._note_latency(answer)
         if self.on_frame is not None:

@@ -191,6 +191,10 @@ class Editor(Desk):
         self.view.show_patch(sorted(self._patch))
         self._touch()
 
+    def resize_brush(self, factor: float) -> None:
+        """Make the brush larger or smaller, within reason."""
+        self.brush_radius = min(max(factor * self.brush_radius, 0.005), 0.5)
+
     def finish_region(self, add: bool = False) -> None:
         """Make one handle of the painted region."""
         patch = np.array(sorted(self._patch), dtype=np.int64)

@@ -18,7 +18,8 @@ from deformer_app.mesh_view import MeshView
 from deformer_app.session import Session
 
 _PAUSE = 0.004  # seconds between two looks at the events
-_NAMES = {"Delete": "Del", "BackSpace": "Del", "question": "F1"}
+_NAMES = {"Delete": "Del", "BackSpace": "Del", "question": "F1", "bracketleft": "[",
+          "bracketright": "]"}  # fmt: skip
 
 
 class PlainWindow:
