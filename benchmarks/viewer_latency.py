@@ -75,6 +75,7 @@ def main() -> None:
 def off_screen(model: str) -> tuple[Editor, Callable[[], None]]:
     import pyvista as pv
 
+    from deformer_app.events import listen
     from deformer_app.mesh_view import MeshView
     from deformer_app.pictures import off_screen as without_display
 
@@ -82,7 +83,7 @@ def off_screen(model: str) -> tuple[Editor, Callable[[], None]]:
         plotter = pv.Plotter(off_screen=True, window_size=list(SIZE), lighting="none")
         plotter.show(auto_close=False)
     editor = Editor(MeshView(plotter))
-    editor.view.listen(editor.controller)
+    listen(editor.view, editor.controller)
     editor.open_model(model)
 
     def pump() -> None:

@@ -16,7 +16,7 @@ import deformer
 from bars import bending_bar
 from deformer_app import cli, console
 
-COMMANDS = ["check", "train", "info", "fit", "evaluate", "demo"]
+COMMANDS = ["check", "train", "info", "fit", "evaluate", "edit", "demo"]
 DEFORMER = [sys.executable, "-c", "from deformer_app.cli import main; main()"]
 EPOCHS = "4"
 
@@ -367,3 +367,46 @@ def test_numbers_that_json_cannot_hold_become_null(capsys):
         "c": "x",
         "d": [1, True],
     }
+
+
+@pytest.fixture
+def session_path(model_path, tmp_path):
+    from deformer_app.session import Handle, ModelName, Session
+
+    model = deformer.load_model(model_path)
+    session = Session.begin(ModelName(str(model_path), model.fingerprint), model.codes[0])
+    target = tuple(map(float, bending_bar().vertices[3][100]))
+    handle = Handle(1, (100,), (target,), kind="exact")
+    session.do("Place handle", session.edit.with_handles([handle]))
+    session.save(tmp_path / "session.json")
+    return tmp_path / "session.json"
+
+
+def test_fit_of_a_session_is_its_pose(run_json, session_path, tmp_path):
+    result = run_json("fit", "--session", session_path, "-o", tmp_path / "pose.ply")
+    pose = deformer.load_mesh(tmp_path / "pose.ply").vertices
+    target = bending_bar().vertices[3][100]
+    assert pose[100] == pytest.approx(target, abs=1e-6)
+    assert result["max_residual"] < 1e-6 and len(result["z"]) == 4
+
+
+def test_fit_of_a_session_with_the_model_elsewhere(run_json, session_path, model_path, tmp_path):
+    data = json.loads(session_path.read_text())
+    data["model"]["path"] = "gone"
+    session_path.write_text(json.dumps(data))
+    run_json("fit", model_path, "--session", session_path, "-o", tmp_path / "pose.ply")
+
+
+def test_mistakes_with_sessions(refuse, session_path, model_path, tmp_path):
+    out = tmp_path / "pose.ply"
+    assert "--session" in refuse("fit", "-o", out)
+    assert "HANDLES" in refuse("fit", model_path, "-o", out)
+    assert "another model" in refuse("fit", "humanoid", "--session", session_path, "-o", out)
+    assert "both" in refuse("fit", model_path, session_path, "--session", session_path, "-o", out)
+    assert "pose.npz" in refuse("fit", "--session", session_path, "-o", tmp_path / "pose.npz")
+    gone = tmp_path / "gone.json"
+    assert "gone.json" in refuse("fit", "--session", gone, "-o", out)
+    assert "gone.json" in refuse("edit", "--session", gone)
+    assert "no such model" in refuse("edit", tmp_path / "nowhere")
+    assert "another model" in refuse("edit", "humanoid", "--session", session_path)
+    assert not out.exists()

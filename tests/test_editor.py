@@ -14,6 +14,7 @@ import deformer
 from deformer import InputError, io
 from deformer_app import recording
 from deformer_app.editor import Editor
+from deformer_app.events import listen
 from deformer_app.gizmo import rotation
 from deformer_app.mesh_view import MeshView
 from deformer_app.pictures import off_screen
@@ -39,7 +40,7 @@ def editor(model_path):
         plotter = pv.Plotter(off_screen=True, window_size=list(SIZE), lighting="none")
         plotter.show(auto_close=False)
     work = Editor(MeshView(plotter))
-    work.view.listen(work.controller)
+    listen(work.view, work.controller)
     work.open_model(model_path)
     settle(work)
     yield work
@@ -140,7 +141,7 @@ def test_a_drag_brings_the_vertex_under_the_mouse_and_is_one_step(editor):
     there = editor.camera.project(editor.vertices[[vertex]], SIZE)[0]
     target = editor.camera.project([editor.edit.handles[0].centre], SIZE)[0]
     np.testing.assert_allclose(target, goal, atol=1.5)
-    assert np.hypot(*(there - goal)) < 6, "the prior resists a little"
+    assert np.hypot(*(there - goal)) < 0.5 * np.hypot(25, 40), "the prior resists a little"
     editor.set_kind("exact")
     settle(editor)
     there = editor.camera.project(editor.vertices[[vertex]], SIZE)[0]
@@ -296,6 +297,74 @@ def test_a_painted_region_moves_and_turns_as_one(editor):
     off = np.linalg.norm(editor.vertices[patch] - wanted, axis=1)
     stayed = np.linalg.norm(editor.model.reference.vertices[patch] - wanted, axis=1)
     assert off.mean() < 0.5 * stayed.mean()
+
+
+def test_the_brush_grows_and_shrinks(editor):
+    painted = []
+    for factor in (1.0, 3.0):
+        editor.resize_brush(factor)
+        editor.brush(60)
+        editor.finish_region()
+        painted.append(len(editor.edit.handles[-1].patch))
+    assert painted[0] < painted[1]
+
+
+@pytest.mark.parametrize("mode", ["rotate", "scale"])
+def test_several_handles_turn_and_grow_about_their_centre(editor, mode):
+    for vertex in (4, 60, 115):
+        editor.place(vertex, add=True)
+    editor.commit("Place handle")
+    settle(editor)
+    editor.set_gizmo(mode)
+    settle(editor)
+    before = np.array([handle.centre for handle in editor.edit.handles])
+    part = {"rotate": "rz", "scale": "s"}[mode]
+    outline = editor.gizmo.outline(part, editor.camera, SIZE)
+    line = editor.camera.project(outline, SIZE)
+    at = next(
+        pixel
+        for pixel in line
+        if editor.gizmo.part_at(pixel, editor.camera, SIZE) == part
+        and editor.handle_at(pixel) is None
+    )
+    mouse(editor, at, at + (np.array([20, 25]) if mode == "rotate" else np.array([60, 0])))
+    after = np.array([handle.centre for handle in editor.edit.handles])
+    assert editor.session.entry.label == mode.capitalize()
+    np.testing.assert_allclose(after.mean(axis=0), before.mean(axis=0), atol=1e-9)
+    was, now = (np.linalg.norm(p - p.mean(axis=0), axis=1) for p in (before, after))
+    if mode == "rotate":
+        np.testing.assert_allclose(now, was)
+        np.testing.assert_allclose(after[:, 2], before[:, 2], atol=1e-9)
+        assert np.abs(after - before).max() > 0.01
+    else:
+        np.testing.assert_allclose(now, 2**0.5 * was, rtol=1e-6)
+
+
+def test_looking_around_never_waits_for_a_slow_solver(editor, monkeypatch):
+    class Stuck:
+        busy = True
+
+        def take(self):
+            return None
+
+        def failures(self):
+            return []
+
+        def close(self, seconds=0.0):
+            pass
+
+    thread = editor._thread
+    monkeypatch.setattr(editor, "_thread", Stuck())
+    frames = []
+    editor.on_frame = lambda: frames.append(1)
+    end = time.perf_counter() + 0.5
+    while time.perf_counter() < end:
+        editor.camera = editor.camera.orbited(1.0, 0.0, editor.sky)
+        editor.camera_moved()
+        editor.tick()
+        time.sleep(0.002)
+    thread.close()
+    assert len(frames) >= 2
 
 
 def test_mirroring_copies_handles_to_the_other_side(editor):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import deformer
+from deformer_app.session import ModelName, Session
 from display import virtual_display
 from shapes import sequence, small_model
 
@@ -192,6 +193,30 @@ def test_training_opens_its_model_and_can_be_cancelled(app, window, tmp_path):
     assert window.editor.session.model.path == str((tmp_path / "shapes-model").resolve())
 
 
+def test_a_folder_of_shapes_is_offered_for_training(app, window, tmp_path, monkeypatch):
+    from PySide6.QtWidgets import QMessageBox
+
+    yes = QMessageBox.StandardButton.Yes
+    monkeypatch.setattr(QMessageBox, "question", lambda *_: yes)
+    folder = tmp_path / "walk"
+    deformer.save_shapes(folder, sequence(3))
+    window.open_model(folder)
+    assert window._training.isVisible()
+    assert window._training._shapes.text() == str(folder)
+    assert window._training._output.text() == str(tmp_path / "walk-model")
+
+
+def test_the_tour_goes_on_by_what_is_done(app, window):
+    window.tour()
+    first = window._tour_text.text()
+    window.editor.place(100)
+    window._changed("drag")
+    wait_for(app, lambda: window._tour_text.text() != first)
+    for _ in range(3):
+        window._next_step()
+    assert window._tour.isHidden() and window._tour_step is None
+
+
 def test_training_on_nonsense_is_told_in_the_dialog(app, window, tmp_path):
     window.train()
     dialog = window._training
@@ -282,3 +307,24 @@ def test_a_person_pulls_undoes_and_finds_it_again_after_a_crash(display, model_p
         again.wait(lambda: len(again.steps()) == count)
     finally:
         again.end()
+
+
+def test_the_plain_window_pulls_and_saves(display, model_path, tmp_path):
+    """The same view and controller in a window of pyvista alone."""
+    file = tmp_path / "plain.json"
+    shapes = small_model()
+    work = Session.begin(ModelName(str(model_path), shapes.fingerprint), shapes.codes[0])
+    work.save(file)
+    person = Person(display, tmp_path, "--plain", "--session", file)
+
+    def pulled():
+        person.drag((550, 425), (555, 400), (560, 380), (565, 360))
+        person._xdotool("key", "ctrl+s")
+        time.sleep(0.3)
+        entries = json.loads(file.read_text())["entries"]
+        return any("rag" in entry["label"] for entry in entries)
+
+    try:
+        person.wait(pulled)
+    finally:
+        person.end()

@@ -201,6 +201,8 @@ ACTIONS: Sequence[Action] = (
     Action("Handles", "Paint region", _paint, "B",
            "Paint a patch that moves and turns as one handle",
            checked=lambda e: e.mode == "paint"),
+    Action("Handles", "Smaller brush", lambda s: s.editor.resize_brush(0.8), "["),
+    Action("Handles", "Larger brush", lambda s: s.editor.resize_brush(1.25), "]"),
     Action("Handles", "Suggest next handle", lambda s: s.editor.suggest(), "N",
            "Where one more handle would tell most; again to place it"),
     Action("Handles", "Manipulator: move", lambda s: s.editor.set_gizmo("move"), "1",

@@ -445,28 +445,31 @@ def edit(
         bool,
         typer.Option("--plain", help="A bare window without menus; needs no Qt."),
     ] = False,
+    as_json: Json = False,
 ) -> None:
     """Open a window: click a vertex, drag it, done.
 
-    Menus and docks need Qt: pip install "deformer\\[app]".
+    Menus and docks need Qt: pip install "deformer\\[app]". With --json what came of it is printed
+    when the window is closed.
     """
+    from deformer import InputError
     from deformer_app.editor import opening
 
     first, saved = opening(model, session)
     if plain:
         from deformer_app.plain import PlainWindow
 
-        PlainWindow(first, saved, session).run()
-        return
-    from deformer import InputError
-
-    try:
-        from deformer_app.window import run_window
-    except ImportError as error:
-        raise InputError(
-            f'edit: the window needs Qt ({error}); pip install "deformer[app]", or add --plain'
-        ) from error
-    raise typer.Exit(run_window(first, saved, session))
+        edited = PlainWindow(first, saved, session).run()
+    else:
+        try:
+            from deformer_app.window import run_window
+        except ImportError as error:
+            raise InputError(
+                f'edit: the window needs Qt ({error}); pip install "deformer[app]", or add --plain'
+            ) from error
+        edited = run_window(first, saved, session)
+    if as_json:
+        console.emit(edited.summary())
 
 
 @app.command(epilog=_examples("deformer demo", "deformer demo -o pictures --json"))

@@ -15,8 +15,6 @@ import numpy as np
 import pyvista as pv
 from numpy.typing import ArrayLike, NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkCommand
-from vtkmodules.vtkInteractionStyle import vtkInteractorStyleUser
 from vtkmodules.vtkRenderingCore import (
     vtkCellPicker,
     vtkRenderer,
@@ -27,7 +25,7 @@ from vtkmodules.vtkRenderingCore import (
 from deformer import Mesh
 from deformer_app.camera import Camera
 from deformer_app.colouring import Paint
-from deformer_app.controller import Button, Controller, Keys, Pixel
+from deformer_app.controller import Pixel
 from deformer_app.gizmo import Gizmo
 from deformer_app.marks import Dots, Strokes, rgb
 from deformer_app.pictures import LIGHTS, Picture
@@ -35,7 +33,6 @@ from deformer_app.pictures import LIGHTS, Picture
 SEQUENTIAL, DIVERGING = "YlOrRd", "coolwarm"
 _SUPERSAMPLING = 2.0  # pixels of VTK's pass along each side of one of the picture
 _APART = 4.0  # pixels from handle to target from which a line joins them
-_EVENTS_BEFORE_CAMERA = 0.25  # priority: after VTK's widgets, before its camera
 
 
 @dataclass(frozen=True)
@@ -481,44 +478,3 @@ class MeshView:
             self._overlay.AddViewProp(text)
             texts[place] = text
         return texts
-
-    # Listening.
-
-    def listen(self, controller: Controller, key: Any = lambda name, keys: False) -> None:
-        """Send the plotter's events to a controller, and keys by name to `key`."""
-        interactor = self.plotter.iren.interactor
-        self.plotter.iren.style = vtkInteractorStyleUser()
-
-        def where() -> Pixel:
-            x, y = interactor.GetEventPosition()
-            return x + 0.5, self.size[1] - y - 0.5  # the middle of the pixel
-
-        def held() -> Keys:
-            return Keys(
-                bool(interactor.GetShiftKey()),
-                bool(interactor.GetControlKey()),
-                bool(interactor.GetAltKey()),
-            )
-
-        def on_key(*_: Any) -> None:
-            key(interactor.GetKeySym() or "", held())
-
-        def on_button(name: str, button: Button) -> None:
-            press, release = f"{name}ButtonPressEvent", f"{name}ButtonReleaseEvent"
-            observers[press] = lambda *_: controller.press(button, where(), held())
-            observers[release] = lambda *_: controller.release(button, where(), held())
-
-        observers: dict[str, Any] = {
-            "MouseMoveEvent": lambda *_: controller.move(where(), held()),
-            "LeaveEvent": lambda *_: controller.leave(),
-            "MouseWheelForwardEvent": lambda *_: controller.wheel(1.0, where()),
-            "MouseWheelBackwardEvent": lambda *_: controller.wheel(-1.0, where()),
-            "KeyPressEvent": on_key,
-        }
-        on_button("Left", "left")
-        on_button("Middle", "middle")
-        on_button("Right", "right")
-        for event, action in observers.items():
-            interactor.AddObserver(event, action, _EVENTS_BEFORE_CAMERA)
-        # VTK's own letters (e ends, w shows wires, …) would come beside ours.
-        interactor.RemoveObservers(vtkCommand.CharEvent)

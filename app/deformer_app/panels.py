@@ -274,7 +274,7 @@ class HandlePanel(QWidget):
         centre = np.mean([handle.centre for handle in held], axis=0)
         for box, value in zip(self._fields, centre, strict=True):
             box.setSingleStep(0.002 * diagonal)
-            if not box.hasFocus() or not editor.session.under_way:
+            if editor.dragging or not box.hasFocus():  # else the user is typing
                 with QSignalBlocker(box):
                     box.setValue(float(value))
 

@@ -13,11 +13,13 @@ from deformer import InputError
 from deformer_app.actions import ACTIONS, help_text
 from deformer_app.controller import Keys
 from deformer_app.editor import Editor
+from deformer_app.events import listen
 from deformer_app.mesh_view import MeshView
 from deformer_app.session import Session
 
 _PAUSE = 0.004  # seconds between two looks at the events
-_NAMES = {"Delete": "Del", "BackSpace": "Del", "question": "F1"}
+_NAMES = {"Delete": "Del", "BackSpace": "Del", "question": "F1", "bracketleft": "[",
+          "bracketright": "]"}  # fmt: skip
 
 
 class PlainWindow:
@@ -45,13 +47,13 @@ class PlainWindow:
         self._open, self._asked_to_close, self._helping = True, False, False
         self._keys = {action.key: action for action in ACTIONS if action.key}
         self.editor.on_change.append(self._changed)
-        self.editor.view.listen(self.editor.controller, self._key)
+        listen(self.editor.view, self.editor.controller, self._key)
         self.plotter.iren.interactor.AddObserver("ExitEvent", self._exit)
         self.editor.open_model(model, session)
         self._changed("frame")
 
-    def run(self) -> None:
-        """Serve the window until it is closed."""
+    def run(self) -> Session:
+        """Serve the window until it is closed; the session."""
         interactor = self.plotter.iren
         while self._open:
             interactor.process_events()
@@ -59,6 +61,7 @@ class PlainWindow:
             time.sleep(_PAUSE)
         self.editor.close()
         self.plotter.close()
+        return self.editor.session
 
     def _exit(self, *_: Any) -> None:
         self._open = False

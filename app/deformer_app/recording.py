@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from PIL import Image
 
 from deformer import InputError, io
 from deformer_app.pictures import Picture, save_gif
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
 
 FPS = 25
 _TURN = 72  # pictures of a turntable
-_LONGEST = 1500  # frames of a recording: a minute; memory is pictures times their size
+_LONGEST = 1500  # frames of a recording: a minute
 
 
 class Recorder:
@@ -30,25 +32,31 @@ class Recorder:
     def __init__(self, editor: Editor) -> None:
         """Begin with the next frame."""
         self._editor = editor
-        self.frames: list[Picture] = []
+        # Compressed: a minute of pictures would fill gigabytes.
+        self._frames: list[bytes] = []
         self._times: list[float] = []
         editor.on_frame = self._take
 
     def _take(self) -> None:
-        if len(self.frames) < _LONGEST:
-            self.frames.append(self._editor.view.grab())
-            self._times.append(time.perf_counter())
+        now = time.perf_counter()
+        soon = bool(self._times) and now - self._times[-1] < 1.0 / FPS
+        if soon or len(self._frames) >= _LONGEST:
+            return
+        packed = BytesIO()
+        Image.fromarray(self._editor.view.grab()).save(packed, "JPEG", quality=95)
+        self._frames.append(packed.getvalue())
+        self._times.append(now)
 
     def stop(self) -> list[Picture]:
         """The frames at a steady rate; a pause lasts at most half a second."""
         self._editor.on_frame = None
-        if not self.frames:
+        if not self._frames:
             return []
         gaps = np.minimum(np.diff(self._times), 0.5)
         at = np.concatenate([[0.0], np.cumsum(gaps)])
         steady = np.arange(0.0, at[-1] + 1.0 / FPS, 1.0 / FPS)
         shown = np.searchsorted(at, steady, side="right") - 1
-        return [self.frames[n] for n in shown]
+        return [np.asarray(Image.open(BytesIO(self._frames[n]))) for n in shown]
 
 
 def turntable(editor: Editor, path: Path) -> Iterator[None]:

@@ -251,6 +251,21 @@ class Session:
         used += [h.id for h in self.edit.handles]
         return max(used, default=0) + 1
 
+    def summary(self) -> dict[str, Any]:
+        """What came of it, for other programs: targets as `deformer fit` reads them, and the code.
+
+        `z` is None where the pose has not been solved for.
+        """
+        vertices, targets, weights, _ = self.edit.arrays()
+        rows = zip(vertices, targets, weights, strict=True)
+        return {
+            "model": self.model.path,
+            "steps": self.cursor,
+            "saved": not self.changed,
+            "handles": [{"vertex": v, "position": list(t), "weight": w} for v, t, w in rows],
+            "z": None if self.entry.solution is None else list(self.entry.solution.z),
+        }
+
     def save(self, path: str | Path) -> None:
         """Write the whole session as JSON."""
         self.write_copy(path)

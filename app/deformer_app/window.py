@@ -29,6 +29,7 @@ from pyvistaqt import QtInteractor
 from deformer import InputError
 from deformer_app.actions import ACTIONS, MENUS, MOUSE, Action
 from deformer_app.editor import Editor
+from deformer_app.events import listen
 from deformer_app.mesh_view import MeshView
 from deformer_app.panels import ComponentPanel, HandlePanel, ModelPanel
 from deformer_app.places import Places
@@ -100,7 +101,7 @@ class Window(QMainWindow):
 
         self.editor = Editor(MeshView(self.plotter), self._wake.called.emit)
         self.editor.on_change.append(self._changed)
-        self.editor.view.listen(self.editor.controller)
+        listen(self.editor.view, self.editor.controller)
         self._actions = self._make_menus()
         self._model = ModelPanel(self.editor)
         self._handles = HandlePanel(self.editor)
@@ -225,8 +226,15 @@ class Window(QMainWindow):
         self._refresh()
 
     def open_model(self, path: Path | str) -> None:
-        """Open a model, unless the user wants to keep unsaved work."""
-        if self._may_leave():
+        """Open a model, unless the user wants to keep unsaved work; offer to train on shapes."""
+        folder = Path(path)
+        if folder.is_dir() and not (folder / "model.json").exists():
+            question = f"{folder} holds no model. Train one on the shapes in it?"
+            if QMessageBox.question(self, "Deformer", question) == QMessageBox.StandardButton.Yes:
+                self.train()
+                assert self._training is not None
+                self._training.choose(folder)
+        elif self._may_leave():
             self._guard(lambda: self._open(path, None, None))
 
     def open_session(self, path: Path | str) -> None:
@@ -358,6 +366,11 @@ class Window(QMainWindow):
         self._tour_step = None
         self._tour.hide()
 
+    def unexpected(self, kind: type[BaseException], error: BaseException, trace: Any) -> None:
+        """Tell of a fault of the program in the window, too, and go on: the session is whole."""
+        sys.__excepthook__(kind, error, trace)
+        self._say(f"A fault of the program: {error!r}. Your session is kept; save it.")
+
     def _say(self, text: str) -> None:
         self._banner_text.setText(text)
         self._banner.show()
@@ -473,8 +486,8 @@ class Window(QMainWindow):
             event.ignore()
 
 
-def run_window(model: str, session: Session | None, file: Path | None) -> int:
-    """Show the window until it is closed; the exit status."""
+def run_window(model: str, session: Session | None, file: Path | None) -> Session:
+    """Show the window until it is closed; the session."""
     app = QApplication.instance() or QApplication(sys.argv[:1])
     app.setApplicationName("Deformer")
     app.setStyle("Fusion")  # pyright: ignore[reportAttributeAccessIssue]
@@ -484,4 +497,6 @@ def run_window(model: str, session: Session | None, file: Path | None) -> int:
     window = Window(Places())
     window.show()
     QTimer.singleShot(0, lambda: window.begin(model, session, file))
-    return int(app.exec())
+    sys.excepthook = window.unexpected
+    app.exec()
+    return window.editor.session
