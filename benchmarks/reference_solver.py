@@ -24,6 +24,8 @@ from deformer import DeformationModel, Pose
 # Prior standard deviations of the rigid motion: radians, and bounding diagonals.
 _ROTATION_SCALE = 0.3
 _TRANSLATION_SCALE = 1.0
+# Prior probability that a shape moves by these and not as the training shapes do.
+_ELSEWHERE = 0.01
 # A cold solve scores so many training codes and descends from the best few and from the mean.
 _CANDIDATES = 60
 _STARTS = 8
@@ -47,7 +49,10 @@ class ReferenceSolver:
     bounding diagonals D. With p_h(z) the handle in the decoded shape, relative to its centroid, the
     latent energy is
 
-        Σ_h w_h ‖Q(ω) p_h(z) + centroid + D t − q_h‖² / (σ D)² + ‖y‖² + ‖ω‖²/0.3² + ‖t‖²/1².
+        Σ_h w_h ‖Q(ω) p_h(z) + centroid + D t − q_h‖² / (σ D)² + ‖y‖² + m(ω, t),
+
+    with m = ‖ω‖²/0.3² + ‖t‖²/1², or, where that is less by the surprise of it, with the deviations
+    of the training shapes (`model.placement`).
 
     Where handles are hard, the pose minimises, in rounds of a local (R) and a global (p) step from
     R = I and with the handles exact,
@@ -91,8 +96,13 @@ class ReferenceSolver:
         degree = np.maximum(np.diff(model.network.mean.get_buffer("crow").numpy()), 1)
         self._network.mean.register_buffer("inverse_degree", torch.tensor(1.0 / degree))
         self._mean, self._root = torch.tensor(model.prior.mean), torch.tensor(model.prior.factor)
-        rigid_scales = [_ROTATION_SCALE] * 3 + [_TRANSLATION_SCALE] * 3
-        self._stiffness = np.r_[np.ones(model.components), rigid_scales] ** -2
+        self._motions = [(np.repeat([_ROTATION_SCALE, _TRANSLATION_SCALE], 3), 0.0)]
+        if model.placement is not None:
+            near = np.repeat([model.placement.rotation, model.placement.translation], 3)
+            # −2 log of the odds and of the ratio of two Gaussian densities at their centres.
+            odds = 2.0 * np.log((1.0 - _ELSEWHERE) / _ELSEWHERE)
+            cost = odds + 2.0 * np.log(self._motions[0][0] / near).sum()
+            self._motions = [(near, 0.0), (self._motions[0][0], cost)]
         self._x: Array | None = None
         self._R: Array | None = None
         self.set_handles(np.empty(0, dtype=np.int64), np.empty((0, 3)))
@@ -161,7 +171,13 @@ class ReferenceSolver:
     def energy(self, x: Array) -> float:
         """Latent energy of the unknowns x = (y, ω, t), (K + 6,)."""
         misfit = self._misfit(torch.tensor(x)[None]).numpy()
-        return float((misfit**2).sum() + (self._stiffness * x**2).sum())
+        stiffness, cost = self._stiffness(x)
+        return float((misfit**2).sum() + (stiffness * x**2).sum() + cost)
+
+    def _stiffness(self, x: Array) -> tuple[Array, float]:
+        """Weights (K + 6,) of the squared unknowns and what they cost: the cheaper motion's."""
+        scales, cost = min(self._motions, key=lambda m: ((x[-6:] / m[0]) ** 2).sum() + m[1])
+        return np.r_[np.ones(self.model.components), scales] ** -2, cost
 
     def _codes(self, x: Tensor) -> Tensor:
         """Latent codes z = μ + L y, (n, K), of unknowns (n, K + 6)."""
@@ -220,9 +236,10 @@ class ReferenceSolver:
         codes = self.model.codes
         picked = np.unique(np.linspace(0, len(codes) - 1, _CANDIDATES).round().astype(int))
         y = np.linalg.solve(self._root.numpy(), (codes[picked] - self._mean.numpy()).T).T
-        starts = [self._placed(np.concatenate([white, np.zeros(6)])) for white in y]
+        plain = [np.concatenate([white, np.zeros(6)]) for white in [np.zeros(y.shape[1]), *y]]
+        mean, *starts = [min((x, self._placed(x)), key=self.energy) for x in plain]
         starts.sort(key=self.energy)
-        return [self._placed(np.zeros(len(self._stiffness))), *starts[:_STARTS]]
+        return [mean, *starts[:_STARTS]]
 
     def _placed(self, x: Array) -> Array:
         """The unknowns, translated so that the handles' weighted mean is the targets'."""
@@ -238,9 +255,10 @@ class ReferenceSolver:
     def _descend(self, x: Array) -> tuple[Array, float, int]:
         """Levenberg–Marquardt from x: unknowns, energy and steps once nothing is gained."""
         active = slice(None) if self.rigid else slice(-6)
-        stiffness, energy, damping = self._stiffness[active], self.energy(x), 1e-3
+        energy, damping = self.energy(x), 1e-3
         for count in range(_STEPS):
             J = self._jacobian(x)[:, active]
+            stiffness = self._stiffness(x)[0][active]
             hessian = J.T @ J + np.diag(stiffness)
             misfit = self._misfit(torch.tensor(x)[None]).numpy().ravel()
             gradient = J.T @ misfit + stiffness * x[active]

@@ -98,18 +98,19 @@ class HandleSolver:
     """Finds the latent code and rigid motion whose mesh meets the handles.
 
     Minimises Σ_h w_h ‖Q p_h(z) + t − q_h‖² / (σ D)² + (z−μ)ᵀ Σ⁻¹ (z−μ), with D the reference's
-    bounding diagonal, plus weak quadratic terms on rotation and translation, by damped
-    Gauss–Newton. Handle positions come from the features through one Green row a handle, kept
-    while the handle lives; nothing is factored when handles come, move or go.
+    bounding diagonal, plus a term on rotation and translation, by damped Gauss–Newton. Handle
+    positions come from the features through one Green row a handle, kept while the handle lives;
+    nothing is factored when handles come, move or go.
 
     Args:
         model: the prior.
         rigid: let the whole shape rotate and translate; otherwise it stays where the reference is.
         noise: σ, the distance from handle to target (in bounding diagonals) that weighs as much
             as one standard deviation of the prior.
-        freedom: factor on the standard deviations of the rigid motion (0.3 rad, one bounding
-            diagonal). With 1 a lone handle carries the whole shape along; with 0.01 the shape
-            stays about where it is and bends.
+        freedom: how the whole shape may turn and travel. None: as little as the training shapes
+            do, or anywhere at a price (`HandleObjective`). A number: anywhere, as a factor on
+            standard deviations of 0.3 rad and one bounding diagonal. With 1 a lone handle carries
+            the whole shape along; with 0.01 the shape stays about where it is and bends.
         relaxation: local/global rounds of rigid relaxation for hard handles; 0 is the Schur
             complement alone.
     """
@@ -120,7 +121,7 @@ class HandleSolver:
         *,
         rigid: bool = True,
         noise: float = 0.007,
-        freedom: float = 1.0,
+        freedom: float | None = None,
         relaxation: int = 10,
     ) -> None:
         """Prepare the model's factorisations; handles are set later."""
@@ -440,8 +441,9 @@ class HandleSolver:
         for y in np.vstack([np.zeros((1, objective.size - 6)), self._candidates]):
             x = np.concatenate([y, np.zeros(6)])
             p = handles.at(objective.code(x)).positions
-            x = objective.placed(x, p)
-            scored.append((objective.energy(x, p), x))
+            # Where it stands, or where the handles are.
+            places = [(objective.energy(at, p), at) for at in (x, objective.placed(x, p))]
+            scored.append(min(places, key=lambda entry: entry[0]))
         others = sorted(scored[1:], key=lambda entry: entry[0])[:_STARTS]
         return [scored[0][1], *(x for _, x in others)]
 

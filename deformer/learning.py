@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from deformer.latent import fit_prior
 from deformer.mesh import MeshSequence
 from deformer.metrics import e_rms
 from deformer.model import DeformationModel, encode_features
+from deformer.placement import fit_placement
 from deformer.rotations import align
 from deformer.training import (
     ProgressCallback,
@@ -125,7 +127,9 @@ def train(
     model = DeformationModel(
         base, settings, scaler, result.network, codes, fit_prior(codes), split, summary
     )
-    summary["train_e_rms"] = e_rms(chosen, model.decode(codes))
+    decoded = model.decode(codes)
+    model = replace(model, placement=fit_placement(decoded, chosen, base.bounding_diagonal))
+    summary["train_e_rms"] = e_rms(chosen, decoded)
     if held_out is not None:
         if settings.align:
             held_out = align(held_out, base.vertices)

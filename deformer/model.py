@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
@@ -26,6 +26,7 @@ from deformer.geodesics import Geodesics
 from deformer.io import load_mesh, save_mesh, write_json
 from deformer.latent import LatentPrior
 from deformer.mesh import FloatArray, IntArray, Mesh, connectivity_hash, one_rings
+from deformer.placement import Placement
 from deformer.poisson import PoissonSystem
 from deformer.rotations import align
 
@@ -49,6 +50,7 @@ class DeformationModel:
         prior: mean and full covariance of the codes.
         split: {"train": indices, "test": indices} into the shapes it was trained from.
         summary: facts about the training, for people (JSON values).
+        placement: how the training shapes stand; None if that is not known.
     """
 
     reference: Mesh
@@ -59,6 +61,7 @@ class DeformationModel:
     prior: LatentPrior
     split: dict[str, list[int]]
     summary: dict[str, Any] = field(default_factory=dict)
+    placement: Placement | None = None
 
     @property
     def components(self) -> int:
@@ -83,6 +86,8 @@ class DeformationModel:
         bounds = [scaler.r_min, scaler.r_max, scaler.s_min, scaler.s_max]
         arrays = [self.reference.vertices, self.reference.faces, self.codes, np.array(bounds)]
         arrays += [self.prior.mean, self.prior.covariance]
+        if self.placement is not None:
+            arrays.append(np.array([self.placement.rotation, self.placement.translation]))
         arrays += [tensor.numpy() for _, tensor in sorted(self.network.state_dict().items())]
         for array in arrays:
             digest.update(f"{array.dtype.str} {array.shape}\n".encode())
@@ -253,6 +258,7 @@ class DeformationModel:
                 "scaler": {"r": [scaler.r_min, scaler.r_max], "s": [scaler.s_min, scaler.s_max]},
                 "split": self.split,
                 "summary": self.summary,
+                **({"placement": asdict(self.placement)} if self.placement else {}),
                 "sha256": {name: _digest(folder / name) for name in _FILES[1:]},
             }
             description["sha256"]["model.json"] = _digest_of_description(description)
@@ -346,6 +352,7 @@ def _assemble(folder: Path, data: dict[str, Any]) -> DeformationModel:
         LatentPrior(tensors["latent_mean"].numpy(), tensors["latent_covariance"].numpy()),
         data["split"],
         data["summary"],
+        Placement(**data["placement"]) if "placement" in data else None,
     )
 
 

@@ -7,6 +7,7 @@ in bounding diagonals, both of a rigid motion about the reference's centroid.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -20,11 +21,8 @@ from deformer.differentials import (
 from deformer.latent import LatentPrior
 from deformer.mesh import FloatArray
 from deformer.model import DeformationModel
+from deformer.placement import FREE, Placement, surprise
 from deformer.rotations import log_to_rotation, right_jacobian
-
-# Prior standard deviations of the rigid motion: radians, and bounding diagonals.
-_ROTATION_SCALE = 0.3
-_TRANSLATION_SCALE = 1.0
 
 
 class Handles(Protocol):
@@ -135,7 +133,11 @@ class CorrectedEvaluation:
 
 @dataclass(frozen=True, eq=False)
 class HandleObjective:
-    """Σ_h w_h ‖Q p_h(z) + t − q_h‖² / (σ D)² + ‖y‖² + (‖ω‖²/s_ω² + ‖t‖²/s_t²) / freedom².
+    """Σ_h w_h ‖Q p_h(z) + t − q_h‖² / (σ D)² + ‖y‖² + m(ω, t).
+
+    The rigid motion costs m = min(‖ω‖²/s_ω² + ‖t‖²/s_t², ‖ω‖²/S_ω² + ‖t‖²/S_t² + c): it is as small
+    as the training shapes' (`Placement` s), or, for the surprise c, anything at all (S). With a
+    `freedom` it is ‖ω‖²/S_ω² + ‖t‖²/S_t² over freedom².
 
     Args:
         prior: of the latent code.
@@ -146,7 +148,8 @@ class HandleObjective:
         rigid: whether ω and t are unknowns; otherwise they stay zero.
         targets: (H, 3).
         weights: (H,).
-        freedom: factor on the standard deviations of the rigid motion.
+        placement: s, or None where it is not known.
+        freedom: factor on the deviations S of the rigid motion; None is the minimum above.
     """
 
     prior: LatentPrior
@@ -157,7 +160,8 @@ class HandleObjective:
     rigid: bool
     targets: FloatArray
     weights: FloatArray
-    freedom: float = 1.0
+    placement: Placement | None = None
+    freedom: float | None = None
 
     @classmethod
     def of(cls, model: DeformationModel, noise: float, rigid: bool) -> HandleObjective:
@@ -171,6 +175,7 @@ class HandleObjective:
             rigid=rigid,
             targets=np.zeros((0, 3)),
             weights=np.zeros(0),
+            placement=model.placement,
         )
 
     @property
@@ -204,7 +209,8 @@ class HandleObjective:
     def energy(self, x: FloatArray, p: FloatArray) -> float:
         """Value at x with handle positions p (H, 3) relative to the centroid."""
         misfit = self._misfit(x, p)
-        return float((misfit**2).sum() + (self.stiffness * x**2).sum())
+        stiffness, cost = self.stiffness(x)
+        return float((misfit**2).sum() + (stiffness * x**2).sum()) + cost
 
     def placed(self, x: FloatArray, p: FloatArray) -> FloatArray:
         """The unknowns x, translated so that the handles' weighted centroid is the targets'."""
@@ -236,7 +242,6 @@ class HandleObjective:
             x, energy, and the steps taken; it ends after `limit` steps, or when a step gains less
             than `tolerance` of the energy.
         """
-        stiffness = self.stiffness
         active = self.size if self.rigid else self.size - 6
         if here is None:
             here = handles.at(self.code(x))
@@ -245,6 +250,7 @@ class HandleObjective:
         for count in range(limit):
             J = self._jacobian(x, here.positions, here.derivative())[:, :active]
             misfit = self._misfit(x, here.positions).ravel()
+            stiffness, _ = self.stiffness(x)
             H = J.T @ J
             diagonal = np.einsum("ii->i", H)
             diagonal += stiffness[:active]
@@ -268,13 +274,21 @@ class HandleObjective:
                 return x, energy, count + 1
         return x, energy, limit
 
-    @property
-    def stiffness(self) -> FloatArray:
-        """Weights (K+6,) of the squared unknowns."""
-        stiffness = np.ones(self.size)
-        stiffness[-6:-3] = (self.freedom * _ROTATION_SCALE) ** -2
-        stiffness[-3:] = (self.freedom * _TRANSLATION_SCALE) ** -2
-        return stiffness
+    def stiffness(self, x: FloatArray) -> tuple[FloatArray, float]:
+        """Weights (K+6,) of the squared unknowns at x, and what it costs to have these."""
+        motion = x[-6:] ** 2
+        return min(self._stiffnesses, key=lambda entry: entry[0][-6:] @ motion + entry[1])
+
+    @cached_property
+    def _stiffnesses(self) -> list[tuple[FloatArray, float]]:
+        """What `stiffness` chooses from."""
+        code = np.ones(self.size - 6)
+        if self.freedom is not None or self.placement is None:
+            return [(np.concatenate([code, FREE.stiffness(self.freedom or 1.0)]), 0.0)]
+        return [
+            (np.concatenate([code, self.placement.stiffness()]), 0.0),
+            (np.concatenate([code, FREE.stiffness()]), surprise(self.placement)),
+        ]
 
     def _row_weights(self) -> FloatArray:
         return np.sqrt(self.weights) / (self.noise * self.diagonal)
@@ -290,7 +304,7 @@ class HandleObjective:
         """
         active = self.size if self.rigid else self.size - 6
         J = self._jacobian(x, p, dp)[:, :active]
-        H = J.T @ J + np.diag(self.stiffness[:active])
+        H = J.T @ J + np.diag(self.stiffness(x)[0][:active])
         return np.asarray(np.linalg.inv(H), dtype=np.float64)
 
     def _jacobian(self, x: FloatArray, p: FloatArray, dp: FloatArray) -> FloatArray:

@@ -109,11 +109,12 @@ def fit_sequence(
     index, goals, factors, held = _checked(model, vertices, targets, weights, hard)
     if not (np.isfinite(smoothness) and smoothness >= 0):
         raise InputError(f"smoothness: expected 0 or a positive number, got {smoothness}")
-    solver = HandleSolver(model, rigid=rigid, noise=noise)
+    # Motion goes places: the shape may stand anywhere.
+    solver = HandleSolver(model, rigid=rigid, noise=noise, freedom=1.0)
     basis = solver.basis
     basis.take(index.tolist())
     backend = _backend(basis, device)
-    objective = HandleObjective.of(model, noise, rigid)
+    objective = replace(HandleObjective.of(model, noise, rigid), freedom=1.0)
     problem = _Problem(objective, backend, goals, factors, smoothness)
     F = len(goals)
     X = np.zeros((F, objective.size))
@@ -177,7 +178,7 @@ class _Problem:
         # Without smoothness there are no neighbours.
         share = _UNSEEN if smoothness > 0 else 1.0
         self._prior = np.where(self._seen, 1.0, share)[:, None]
-        self._stiffness = objective.stiffness[: self._active]
+        self._stiffness = objective.stiffness(np.zeros(objective.size))[0][: self._active]
 
     def codes(self, X: FloatArray) -> FloatArray:
         """Latent codes (m, K) of unknowns (m, n)."""

@@ -146,8 +146,16 @@ def test_energy_by_formula(layers, seed):
     p = decoded(model, model.prior.mean + model.prior.factor @ x[:-6])[vertices] - centre
     p = Rotation.from_rotvec(x[-6:-3]).apply(p) + centre + D * x[-3:]
     expected = (weights[:, None] * (p - targets) ** 2).sum() / (0.02 * D) ** 2
-    expected += (x[:-6] ** 2).sum() + (x[-6:-3] ** 2).sum() / 0.09 + (x[-3:] ** 2).sum()
-    assert solver.energy(x) == pytest.approx(expected, rel=1e-9)
+    expected += (x[:-6] ** 2).sum()
+    rotation, translation = (x[-6:-3] ** 2).sum(), (x[-3:] ** 2).sum()
+    near = model.placement
+    odds = 2 * np.log(0.99 / 0.01) + 6 * np.log(0.3 / near.rotation / near.translation)
+    anywhere = rotation / 0.09 + translation + odds
+    motion = min(rotation / near.rotation**2 + translation / near.translation**2, anywhere)
+    assert solver.energy(x) == pytest.approx(expected + motion, rel=1e-9)
+    fast = HandleSolver(model, noise=0.02).objective
+    assert fast.stiffness(x)[0][-6:] @ x[-6:] ** 2 + fast.stiffness(x)[1] == pytest.approx(motion)
+    assert fast.stiffness(0.001 * x)[1] == 0
 
 
 @BOTH

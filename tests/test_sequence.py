@@ -119,7 +119,7 @@ def test_without_smoothness_every_frame_is_a_solve_of_its_own(name, rigid):
     x, stiffness = unknowns(model, fit)
     misfit = (weights * fit.residual**2).sum(axis=1) / (NOISE * diagonal) ** 2
     energy = misfit + x**2 @ stiffness
-    solver = HandleSolver(model, rigid=rigid)
+    solver = HandleSolver(model, rigid=rigid, freedom=1.0)
     for f in range(len(goals)):
         solver.set_handles(handles, goals[f], weights[f])
         pose = solver.solve()

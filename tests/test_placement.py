@@ -1,0 +1,83 @@
+"""Truths of placements: what is fitted is what was put in, and handles feel it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deformer import HandleSolver, load_model
+from deformer.placement import FREE, Placement, fit_placement, surprise
+from deformer.rotations import log_to_rotation
+from shapes import icosphere, small_model
+
+TIGHT = Placement(0.02, 0.005)
+
+
+@pytest.mark.parametrize(("rotation", "translation"), [(0.05, 0.1), (0.2, 0.01), (0.0, 0.0)])
+def test_motions_are_found_again(rotation, translation):
+    rng = np.random.default_rng(0)
+    shape = icosphere(1).vertices * [1.0, 0.7, 0.4]
+    R = log_to_rotation(rotation * rng.normal(size=(400, 3)))
+    moved = shape @ R.transpose(0, 2, 1) + 3.0 * translation * rng.normal(size=(400, 1, 3))
+    found = fit_placement(np.repeat(shape[None], 400, axis=0), moved, 3.0)
+    # A little is believed before any shape is seen: 0.01, as if by one shape.
+    assert found.rotation == pytest.approx(np.hypot(rotation, 0.01 / 20), rel=0.1)
+    assert found.translation == pytest.approx(np.hypot(translation, 0.01 / 20), rel=0.1)
+
+
+def test_the_tighter_the_more_a_surprise():
+    tighter = surprise(Placement(0.01, 0.005))
+    assert tighter == pytest.approx(surprise(TIGHT) + 6 * np.log(2))
+    assert surprise(TIGHT) > surprise(FREE) > 0
+
+
+@pytest.fixture(scope="module")
+def model():
+    return replace(small_model(), placement=TIGHT)
+
+
+def test_a_lone_handle_bends_the_body_and_does_not_carry_it(model):
+    v = model.reference.vertices
+    goal = v[[100]] + [0, 0.03 * model.reference.bounding_diagonal, 0]
+    poses = {}
+    for freedom in (None, 1.0):
+        solver = HandleSolver(model, freedom=freedom)
+        solver.set_handles([100], goal)
+        poses[freedom] = np.linalg.norm(solver.solve().translation)
+    assert poses[None] < 0.3 * poses[1.0]
+
+
+def test_handles_far_away_take_the_body_along(model):
+    diagonal = model.reference.bounding_diagonal
+    chosen = [3, 40, 60, 100]
+    there = model.reference.vertices @ log_to_rotation([0, 0.8, 0]).T + [5.0 * diagonal, 0, 0]
+    solver = HandleSolver(model)
+    solver.set_handles(chosen, there[chosen])
+    pose = solver.solve()
+    # Five diagonals away even one diagonal as a deviation still pulls a little.
+    assert pose.residual.max() < 0.02 * diagonal
+    assert np.linalg.norm(pose.vertices - there, axis=1).max() < 0.1 * diagonal
+    near, cost = solver.objective.stiffness(np.zeros(solver.objective.size))
+    assert cost == 0 and near[-1] == pytest.approx(0.005**-2)
+
+
+def test_a_drag_away_is_followed_without_end(model):
+    """Warm frames leave the training shapes' place when it is dearer than any place."""
+    diagonal = model.reference.bounding_diagonal
+    chosen = [3, 40, 60, 100]
+    solver = HandleSolver(model)
+    solver.set_handles(chosen, model.reference.vertices[chosen])
+    solver.solve()
+    for step in np.linspace(0, 2.0 * diagonal, 40):
+        solver.set_handles(chosen, model.reference.vertices[chosen] + [step, 0, 0])
+        pose = solver.solve(warm=True)
+    for _ in range(3):
+        pose = solver.solve(warm=True)
+    assert pose.residual.max() < 0.02 * diagonal
+
+
+def test_it_is_kept_with_the_model(model, tmp_path):
+    model.save(tmp_path / "placed")
+    assert load_model(tmp_path / "placed").placement == TIGHT
+    replace(model, placement=None).save(tmp_path / "placed")
+    assert load_model(tmp_path / "placed").placement is None
