@@ -39,6 +39,9 @@ class ModelConfig:
             layer's output.
         pruning: after training, weights ‖C_k^i‖ below this share of component k's largest become
             zero, so that supports end somewhere; 0 keeps all (the paper).
+        encoder: of shapes, once the network is trained: the "network"'s own (the paper), or
+            "projection": the code of least squares in front of the decoder's tanh
+            (`Decoder.project`). Networks of several layers have no such and use their own.
         align: remove each shape's rigid motion against the reference before anything else.
     """
 
@@ -57,6 +60,7 @@ class ModelConfig:
     mixed_shapes: int = 24
     initial: str = "pca"
     pruning: float = 0.01
+    encoder: str = "projection"
     align: bool = False
 
     def __post_init__(self) -> None:
@@ -73,6 +77,7 @@ class ModelConfig:
         for field, allowed in (
             ("schedule", ("constant", "cosine")),
             ("initial", ("random", "pca")),
+            ("encoder", ("network", "projection")),
         ):
             if getattr(self, field) not in allowed:
                 raise InputError(
@@ -83,6 +88,11 @@ class ModelConfig:
         for field in ("sparsity", "range_weight", "range_limit", "batch", "mixed_shapes"):
             if getattr(self, field) < 0:
                 raise InputError(f"{field}: expected 0 or more, got {getattr(self, field)}")
+
+    @property
+    def projects(self) -> bool:
+        """Whether shapes are encoded by projection."""
+        return self.encoder == "projection" and len(self.layers) == 1
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
@@ -101,6 +111,7 @@ PRESETS: dict[str, ModelConfig] = {
         mixed_shapes=0,
         initial="random",
         pruning=0.0,
+        encoder="network",
     ),
 }
 

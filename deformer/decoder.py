@@ -33,6 +33,9 @@ def _affine(start, stop, matrix, z, bias, out):
             out[i, d] = total
 
 
+# Features beyond what the tanh can give count as this much of it.
+_SATURATED = 0.99
+_RIDGE = 1e-7
 # Rows of the matrix that are in double precision at once.
 _ROWS = 4096
 
@@ -153,6 +156,26 @@ class Decoder:
         """Derivative (n, 9) of features q (n, 9) with respect to the affine part's output."""
         x = (q - self.offset) / self.gain
         return (1.0 - x * x) * self.gain
+
+    def project(self, q: FloatArray) -> FloatArray:
+        """Code (K,) whose features come closest to q (n, 9), to first order; one layer only.
+
+        Least squares in front of the tanh: Σ ‖w (M z + base − artanh x)‖² for x in (−1, 1), where q
+        is gain x + offset, with the slopes w = gain (1 − x²) at x as weights.
+        """
+        x = np.clip((q - self.offset) / self.gain, -_SATURATED, _SATURATED)
+        weights = self.gain * (1.0 - x * x)
+        goal = weights * (np.arctanh(x) - self.base)
+        K = self.components
+        A, b = np.zeros((K, K)), np.zeros(K)
+        for start in range(0, len(x), _ROWS):
+            part = slice(start, start + _ROWS)
+            M = (self.matrix[part] * weights[part, :, None]).reshape(-1, K)
+            A += M.T @ M
+            b += M.T @ goal[part].ravel()
+        # Components that reach nothing get no code.
+        A += _RIDGE * max(np.trace(A) / K, 1e-30) * np.eye(K)
+        return np.asarray(np.linalg.solve(A, b), dtype=np.float64)
 
     def pull_back(self, z: FloatArray, g: FloatArray) -> FloatArray:
         """Gradients (m, K) with respect to z of gradients g (m, n, 9) with respect to features."""

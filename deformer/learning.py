@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from deformer.autoencoder import ModelConfig, resolve_config
+from deformer.decoder import Decoder
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor, FeatureScaler, extract_all
 from deformer.geodesics import Geodesics
@@ -108,7 +109,8 @@ def train(
         on_progress=on_progress,
     )
     result.network.prune(settings.pruning)
-    codes = encode_features(result.network, x)
+    decoder = Decoder(result.network, scaler, extractor.indptr, extractor.rings)
+    codes = encode_features(settings, result.network, scaler, decoder, scaler.unscale(x))
     summary = {
         "shapes": len(shapes),
         "train": len(split["train"]),

@@ -131,8 +131,8 @@ class DeformationModel:
         shapes, single = self._checked(vertices)
         if self.config.align:
             shapes = align(shapes, self.reference.vertices)
-        x = self.scaler.scale(extract_all(self.extractor, shapes))
-        codes = encode_features(self.network, x)
+        q = extract_all(self.extractor, shapes)
+        codes = encode_features(self.config, self.network, self.scaler, self.decoder, q)
         return codes[0] if single else codes
 
     def decode(self, z: ArrayLike) -> FloatArray:
@@ -265,11 +265,19 @@ class DeformationModel:
             write_json(folder / "model.json", description)
 
 
-def encode_features(network: MeshAutoencoder, x: FloatArray) -> FloatArray:
-    """Latent codes (N, K) of scaled features (N, V, 9)."""
+def encode_features(
+    config: ModelConfig,
+    network: MeshAutoencoder,
+    scaler: FeatureScaler,
+    decoder: Decoder,
+    q: FloatArray,
+) -> FloatArray:
+    """Latent codes (N, K) of features (N, V, 9)."""
+    if config.projects:
+        return np.array([decoder.project(features) for features in q])
+    x = torch.as_tensor(np.swapaxes(scaler.scale(q), 0, 1), dtype=torch.float32)
     with torch.no_grad():
-        batch = torch.as_tensor(np.swapaxes(x, 0, 1), dtype=torch.float32)
-        return network.encode(batch.contiguous()).double().numpy()
+        return network.encode(x.contiguous()).double().numpy()
 
 
 def shipped_models() -> list[str]:
@@ -337,7 +345,8 @@ def _assemble(folder: Path, data: dict[str, Any]) -> DeformationModel:
         tensors = load_file(folder / "weights.safetensors")
     except SafetensorError as error:
         raise InputError(f"{folder / 'weights.safetensors'}: unreadable ({error})") from error
-    config = ModelConfig(**data["config"])
+    # Models from before there was a choice encode by their network.
+    config = ModelConfig(**{"encoder": "network", **data["config"]})
     indptr, rings = one_rings(mesh.faces, len(mesh.vertices))
     network = MeshAutoencoder(indptr, rings, config.components, config.layers)
     network.load_state_dict(

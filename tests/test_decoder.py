@@ -63,3 +63,12 @@ def test_pull_back_is_the_transposed_differential(mesh, layers):
     g = rng.normal(size=(5, len(mesh.vertices), 9))
     expected = np.einsum("mvf,kvf->mk", g, decoder.differential(z)[1])
     np.testing.assert_allclose(decoder.pull_back(z, g), expected, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("mesh", [tube(), awkward()], ids=["tube", "awkward"])
+def test_projection_inverts_the_features(mesh):
+    """Where no tanh is saturated; where one is, the code stays finite."""
+    _, decoder = build(mesh, (9,))
+    for z in 0.1 * np.random.default_rng(1).normal(size=(3, 4)):
+        np.testing.assert_allclose(decoder.project(decoder.features(z)), z, atol=1e-4)
+    assert np.isfinite(decoder.project(decoder.features(np.full(4, 100.0)) * 3.0)).all()

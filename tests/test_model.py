@@ -3,16 +3,17 @@
 import hashlib
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from deformer import e_rms, load_model, save_mesh, shipped_models, train
 from deformer.autoencoder import ModelConfig
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor
 from deformer.mesh import Mesh, MeshSequence
-from deformer.model import encode_features
 from deformer.rotations import align
 from shapes import random_rotation, sequence, small_model, tube
 
@@ -198,10 +199,28 @@ def test_training_codes_are_the_encoded_shapes_and_prior_their_statistics():
 
 
 def test_encoding_goes_through_scaled_features():
+    """By the network where the configuration says so, as that of models from before a choice."""
     model, shapes = small_model(), sequence().vertices
     q = FeatureExtractor(model.reference).extract(shapes[4])
-    code = encode_features(model.network, model.scaler.scale(q)[None])[0]
-    np.testing.assert_allclose(model.encode(shapes[4]), code, atol=1e-4)
+    plain = replace(model, config=replace(model.config, encoder="network"))
+    x = torch.tensor(model.scaler.scale(q)[:, None], dtype=torch.float32)
+    with torch.no_grad():
+        code = model.network.encode(x)[0].numpy()
+    np.testing.assert_allclose(plain.encode(shapes[4]), code, atol=1e-4)
+
+
+def test_projection_finds_the_code_of_a_decoded_shape():
+    model = small_model()
+    assert model.config.projects
+    z = model.latent_mean + 0.5 * (model.codes[1] - model.latent_mean)
+    np.testing.assert_allclose(model.encode(model.decode(z)), z, atol=0.02 * np.abs(z).max())
+
+
+def test_projection_is_closer_than_the_network():
+    model, shapes = small_model(), sequence().vertices
+    plain = replace(model, config=replace(model.config, encoder="network"))
+    by_network = e_rms(shapes, model.decode(plain.encode(shapes)))
+    assert e_rms(shapes, model.decode(model.encode(shapes))) < by_network
 
 
 def test_the_model_knows_its_shapes():
