@@ -177,6 +177,12 @@ def test_a_click_beside_the_body_selects_nothing(stage, controller):
     assert stage.selected == frozenset() and stage.camera == Stage().camera
 
 
+def test_orbiting_keeps_the_selection(stage, controller):
+    click(controller, (210, 190))
+    drag(controller, (20, 20), (60, 40))
+    assert stage.selected == {1}
+
+
 def test_dragging_a_handle_brings_it_under_the_mouse(stage, controller):
     click(controller, (210, 190))
     stage.log.clear()
