@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +16,8 @@ from deformer.model import DeformationModel, encode_features
 Way = Literal["latent", "features", "linear"]
 WAYS: tuple[Way, ...] = ("latent", "features", "linear")
 
-Weights = Mapping[int | str, float]
+# By component: its index or its name. (A mapping's keys are invariant: plain ints would not do.)
+Weights = Mapping[Any, float]
 
 
 class Synthesis:
