@@ -21,7 +21,7 @@ def draw(
     rows: Mapping[str, NDArray],
     faces: NDArray,
     up: str,
-    progress: Callable[[int, int], None],
+    progress: Callable[[int, int], None] = lambda done, total: None,
     size: tuple[int, int] = TILE,
     azimuth: float = 30.0,
 ) -> dict[str, list[Picture]]:
@@ -64,6 +64,17 @@ def save_sheet(path: Path, picture: Picture) -> None:
     """Write a picture as a whole or not at all."""
     with io.atomic_path(path) as temporary:
         save_picture(temporary, picture)
+
+
+def save_rows(
+    path: Path,
+    rows: Mapping[str, NDArray],
+    faces: NDArray,
+    up: str,
+    titles: Mapping[str, Sequence[str]],
+) -> None:
+    """Draw shapes (n, V, 3) by row and write the sheet of them."""
+    save_sheet(path, sheet(draw(rows, faces, up), titles))
 
 
 def save_animation(
