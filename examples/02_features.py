@@ -1,6 +1,6 @@
-"""Features round trip: a tube twisted three times around, its features, and the tube again.
+"""Features round trip: a tube twisted twice around, its features, and the tube again.
 
-Rotations are kept as angles that go on past half a turn, so half of the features is half of the
+Rotations are kept as angles that go on past half a turn, so half of the features is about half of the
 twist, where half of the way of every vertex is a pinched tube.
 """
 
@@ -17,7 +17,7 @@ from deformer_app.filmstrips import save_rows
 def main(picture: Path, quick: bool = False) -> float:
     """Write the picture; returns the largest error over the bounding diagonal."""
     rest = tube(12, 30) if quick else tube(32, 160)
-    twisted = twisted_and_bent(rest.vertices, twist=6 * np.pi, bend=0.0)
+    twisted = twisted_and_bent(rest.vertices, twist=4 * np.pi, bend=0.0)
     shapes = deformer.MeshSequence(np.stack([rest.vertices, twisted]), rest.faces)
 
     q = deformer.extract_features(shapes)  # (2, V, 9)
@@ -25,7 +25,7 @@ def main(picture: Path, quick: bool = False) -> float:
     half = deformer.reconstruct(shapes, 0.5 * (q[0] + q[1]))
 
     straight = shapes.vertices.mean(axis=0)
-    titles = ["rest", "three turns", "from its features", "half of the features", "half of the way"]
+    titles = ["rest", "two turns", "from its features", "half of the features", "half of the way"]
     row = np.stack([*shapes.vertices, again[1], half, straight])
     save_rows(picture, {"": row}, rest.faces, "x", {"": titles})
     return float(abs(again - shapes.vertices).max() / rest.bounding_diagonal)

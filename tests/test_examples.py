@@ -29,7 +29,7 @@ def run(tmp_path, monkeypatch):
     sys.modules.pop("tube", None)
 
 
-def test_features_hold_three_turns(run):
+def test_features_hold_two_turns(run):
     assert run("02_features") < 1e-6
 
 
