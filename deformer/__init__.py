@@ -2,23 +2,28 @@
 
 from deformer.activations import Activations, Familiarity
 from deformer.autoencoder import ModelConfig
+from deformer.components import Component, ComponentAnalysis
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor, FeatureScaler, extract_features, vertex_normals
 from deformer.geodesics import Geodesics, farthest_points
 from deformer.handles import Handle, HandleSolver, Pose
+from deformer.interpolation import ShapePath, interpolate
 from deformer.io import load_mesh, load_shapes, save_mesh, save_shapes
 from deformer.learning import train
 from deformer.mesh import Mesh, MeshSequence
 from deformer.metrics import e_rms
-from deformer.model import DeformationModel, load_model, shipped_models
+from deformer.model import DeformationModel, load_model, save_names, shipped_models
 from deformer.poisson import PoissonSystem, reconstruct
 from deformer.sequence import SequenceFit, fit_sequence
 from deformer.strain import FaceStrain
 from deformer.symmetry import Symmetry, find_symmetry, symmetry_about
+from deformer.synthesis import Synthesis, draw_codes, transfer, transfer_code
 from deformer.uncertainty import Uncertainty, uncertainty
 
 __all__ = [
     "Activations",
+    "Component",
+    "ComponentAnalysis",
     "DeformationModel",
     "FaceStrain",
     "Familiarity",
@@ -34,22 +39,29 @@ __all__ = [
     "PoissonSystem",
     "Pose",
     "SequenceFit",
+    "ShapePath",
     "Symmetry",
+    "Synthesis",
     "Uncertainty",
+    "draw_codes",
     "e_rms",
     "extract_features",
     "farthest_points",
     "find_symmetry",
     "fit_sequence",
+    "interpolate",
     "load_mesh",
     "load_model",
     "load_shapes",
     "reconstruct",
     "save_mesh",
+    "save_names",
     "save_shapes",
     "shipped_models",
     "symmetry_about",
     "train",
+    "transfer",
+    "transfer_code",
     "uncertainty",
     "vertex_normals",
 ]

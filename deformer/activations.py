@@ -11,27 +11,73 @@ from deformer.model import DeformationModel
 
 
 class Activations:
-    """Strength, limits and support of a model's components.
+    """Extremes, strength and support of a model's components.
+
+    After the section "Component Analysis" of Tan et al., AAAI 2018: with the reference's latent
+    code Z_r, component k is taken to its least and to its greatest value over the training codes.
+    Of the two decoded shapes, the one whose features lie farther from the reference's represents
+    the component. The reference is compared as it is decoded, so that a component without effect
+    has the strength 0.
 
     Args:
         model: the prior.
 
     Attributes:
         low, high: (K,) smallest and largest activation among the training codes.
-        strength: (K,) root mean square motion of a vertex when the component changes by one
-            standard deviation of the training codes, in the data's own units (to first order, at
-            their mean).
+        reference: (K,) latent code Z_r of the reference.
+        base: (V, 9) features decoded from it.
+        extreme: (K,) activation of each component in its representative shape: `low` or `high`.
+        strength: (K,) distance ‖X_k − X_r‖ of the representative shape's features from the
+            reference's, in the network's units (features scaled to ±0.95).
         order: (K,) components from the strongest to the weakest.
     """
 
     def __init__(self, model: DeformationModel) -> None:
         """Measure all components."""
+        self._model = model
         self._weights = model.network.C
         self.low: FloatArray = model.codes.min(axis=0)
         self.high: FloatArray = model.codes.max(axis=0)
-        motion = np.sqrt(3.0 * (model.tangents(model.prior.mean) ** 2).mean(axis=1))
-        self.strength: FloatArray = model.codes.std(axis=0) * motion
+        self.reference: FloatArray = model.encode(model.reference.vertices)
+        self.base: FloatArray = model.decoder.features(self.reference)
+        ends = np.stack([self.low, self.high])
+        reach = np.empty_like(ends)
+        for k in range(model.components):
+            for e in range(2):
+                reach[e, k] = np.linalg.norm(self._scaled(self._moved(k, ends[e, k])))
+        farther = reach.argmax(axis=0)
+        columns = np.arange(model.components)
+        self.extreme: FloatArray = ends[farther, columns]
+        self.strength: FloatArray = reach[farther, columns]
         self.order: IntArray = np.argsort(-self.strength, kind="stable")
+
+    def representative(self, component: int) -> FloatArray:
+        """Latent code (K,) of the shape that represents a component.
+
+        Raises:
+            InputError: no such component.
+        """
+        self._check(component)
+        z = self.reference.copy()
+        z[component] = self.extreme[component]
+        return z
+
+    def change(self, component: int) -> FloatArray:
+        """Features (V, 9) of the representative shape less those of the reference.
+
+        Raises:
+            InputError: no such component.
+        """
+        self._check(component)
+        return self._moved(component, float(self.extreme[component]))
+
+    def displacement(self, component: int) -> FloatArray:
+        """Length (V,) of the change of every vertex's features, in the network's units.
+
+        Raises:
+            InputError: no such component.
+        """
+        return np.linalg.norm(self._scaled(self.change(component)), axis=1)
 
     def support(self, component: int) -> FloatArray:
         """Weights ‖C_k^i‖ (V,) of a component at every vertex, the largest being 1.
@@ -39,11 +85,23 @@ class Activations:
         Raises:
             InputError: no such component.
         """
+        self._check(component)
+        weights = np.linalg.norm(self._weights[:, :, component].detach().numpy(), axis=1)
+        return weights.astype(np.float64) / (float(weights.max()) or 1.0)
+
+    def _moved(self, component: int, value: float) -> FloatArray:
+        """Change (V, 9) of the reference's features when one entry of its code has a value."""
+        z = self.reference.copy()
+        z[component] = value
+        return self._model.decoder.features(z) - self.base
+
+    def _scaled(self, change: FloatArray) -> FloatArray:
+        return change / self._model.scaler.gain
+
+    def _check(self, component: int) -> None:
         K = self._weights.shape[2]
         if not 0 <= component < K:
             raise InputError(f"component {component} does not exist; the model has 0…{K - 1}")
-        weights = np.linalg.norm(self._weights[:, :, component].detach().numpy(), axis=1)
-        return weights.astype(np.float64) / (float(weights.max()) or 1.0)
 
 
 class Familiarity:
@@ -65,8 +123,14 @@ class Familiarity:
 
     def distance(self, z: ArrayLike) -> float:
         """Distance from a latent code (K,) to the nearest training code; up to 1 is usual."""
+        return self.nearest(z)[1]
+
+    def nearest(self, z: ArrayLike) -> tuple[int, float]:
+        """Row of the training code nearest to a latent code (K,), and its distance."""
         y = self._whitened(np.asarray(z, dtype=np.float64)[None])[0]
-        return float(self._distances(y).min()) / self._unit
+        distances = self._distances(y)
+        row = int(distances.argmin())
+        return row, float(distances[row]) / self._unit
 
     def _whitened(self, codes: FloatArray) -> FloatArray:
         return np.asarray(np.linalg.solve(self._factor, codes.T).T, dtype=np.float64)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
@@ -26,6 +27,7 @@ from deformer.geodesics import Geodesics
 from deformer.io import load_mesh, save_mesh, write_json
 from deformer.latent import LatentPrior
 from deformer.mesh import FloatArray, IntArray, Mesh, connectivity_hash, one_rings
+from deformer.naming import check_names, find_component
 from deformer.placement import Placement
 from deformer.poisson import PoissonSystem
 from deformer.rotations import align
@@ -51,6 +53,7 @@ class DeformationModel:
         split: {"train": indices, "test": indices} into the shapes it was trained from.
         summary: facts about the training, for people (JSON values).
         placement: how the training shapes stand; None if that is not known.
+        names: component → name, of those that people have named.
     """
 
     reference: Mesh
@@ -62,6 +65,32 @@ class DeformationModel:
     split: dict[str, list[int]]
     summary: dict[str, Any] = field(default_factory=dict)
     placement: Placement | None = None
+    names: dict[int, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check the names."""
+        object.__setattr__(self, "names", check_names(self.names, self.components))
+
+    def named(self, names: Mapping[int, str]) -> DeformationModel:
+        """The same model with names for some components; an empty one takes a name away.
+
+        Raises:
+            InputError: no such component, a name that is none, or one given twice.
+        """
+        merged = {**self.names, **names}
+        return replace(self, names={k: name for k, name in merged.items() if name.strip()})
+
+    def component(self, key: int | str) -> int:
+        """Index of the component with a name, or with an index (a number, or one as text).
+
+        Raises:
+            InputError: there is none.
+        """
+        return find_component(key, self.names, self.components)
+
+    def label(self, component: int) -> str:
+        """What people read for a component: its name, or "component 3"."""
+        return self.names.get(component, f"component {component}")
 
     @property
     def components(self) -> int:
@@ -259,6 +288,7 @@ class DeformationModel:
                 "split": self.split,
                 "summary": self.summary,
                 **({"placement": asdict(self.placement)} if self.placement else {}),
+                **_description_of_names(self.names),
                 "sha256": {name: _digest(folder / name) for name in _FILES[1:]},
             }
             description["sha256"]["model.json"] = _digest_of_description(description)
@@ -278,6 +308,37 @@ def encode_features(
     x = torch.as_tensor(np.swapaxes(scaler.scale(q), 0, 1), dtype=torch.float32)
     with torch.no_grad():
         return network.encode(x.contiguous()).double().numpy()
+
+
+def _description_of_names(names: Mapping[int, str]) -> dict[str, Any]:
+    """The entry of model.json; none where nothing is named, as before there were names."""
+    return {"names": {str(k): name for k, name in names.items()}} if names else {}
+
+
+def save_names(path: str | Path, names: Mapping[int, str]) -> DeformationModel:
+    """Name components of a model on disk; its other files stay as they are.
+
+    Args:
+        path: the model's directory.
+        names: component → name; an empty one takes a name away.
+
+    Returns:
+        The model with its names.
+
+    Raises:
+        InputError: no such model, a shipped one, or names as `DeformationModel.named` refuses.
+    """
+    if not Path(path).is_dir() and str(path) in shipped_models():
+        raise InputError(f"{path}: a shipped model keeps its names; save a copy under another one")
+    model = load_model(path).named(names)
+    where = Path(path) / "model.json"
+    data = json.loads(where.read_text(encoding="utf-8"))
+    sums = data.pop("sha256")
+    data.pop("names", None)
+    data |= {**_description_of_names(model.names), "sha256": sums}
+    sums["model.json"] = _digest_of_description(data)
+    write_json(where, data)
+    return model
 
 
 def shipped_models() -> list[str]:
@@ -362,6 +423,7 @@ def _assemble(folder: Path, data: dict[str, Any]) -> DeformationModel:
         data["split"],
         data["summary"],
         Placement(**data["placement"]) if "placement" in data else None,
+        {int(k): str(name) for k, name in data.get("names", {}).items()},
     )
 
 

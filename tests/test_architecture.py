@@ -17,8 +17,8 @@ ORDER = [
     "_atomic", "_json_files", "_parsing", "_obj", "_off", "_ply", "_stl", "_glb", "io", "doctor",
     "geodesics", "rotations", "metrics", "symmetry", "strain",
     "rotation_field", "dissection", "cholesky", "features", "differentials", "poisson",
-    "autoencoder", "decoder", "losses", "training", "latent", "placement", "model",
-    "activations", "learning",
+    "autoencoder", "decoder", "losses", "training", "latent", "placement", "naming", "model",
+    "activations", "components", "synthesis", "interpolation", "learning",
     "lanes", "packed", "surface", "landmarks", "objective", "basis", "handles", "uncertainty",
     "frames", "torch_frames", "sequence", "baselines", "evaluation",
 ]  # fmt: skip

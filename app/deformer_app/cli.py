@@ -13,14 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from deformer_app import console
+from deformer_app import console, shape_commands
+from deformer_app.arguments import MODEL_HELP, Json, Shapes, examples, words
 
 if TYPE_CHECKING:
     from deformer import DeformationModel, MeshSequence
-
-
-def _examples(*commands: str) -> str:
-    return "\n\n".join(["Examples:", *(f"  {command}" for command in commands)])
 
 
 app = typer.Typer(
@@ -33,12 +30,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-SHAPES_HELP = "Directory of OBJ, PLY, OFF, STL or GLB files in natural name order, or one NPZ."
-MODEL_HELP = "A model's directory, or the name of a shipped model."
-
-Shapes = Annotated[Path, typer.Argument(metavar="SHAPES", help=SHAPES_HELP, show_default=False)]
-Model = Annotated[str, typer.Argument(metavar="MODEL", help=MODEL_HELP, show_default=False)]
-Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
+app.add_typer(shape_commands.app)
 
 
 class Config(StrEnum):
@@ -83,7 +75,7 @@ def _options(
     pass
 
 
-@app.command(epilog=_examples("deformer check walk/", "deformer check walk.npz --json"))
+@app.command(epilog=examples("deformer check walk/", "deformer check walk.npz --json"))
 def check(shapes: Shapes, as_json: Json = False) -> None:
     """Examine example shapes before training: what they hold, what is wrong with them.
 
@@ -106,7 +98,7 @@ def check(shapes: Shapes, as_json: Json = False) -> None:
 
 
 @app.command(
-    epilog=_examples(
+    epilog=examples(
         "deformer train walk/ -o walk-model --components 20",
         "deformer train walk/ -o walk-model --resume",
     )
@@ -186,9 +178,7 @@ def train(
     console.note(f"Saved {output}.")
 
 
-@app.command(
-    epilog=_examples("deformer info", "deformer info humanoid", "deformer info walk-model")
-)
+@app.command(epilog=examples("deformer info", "deformer info humanoid", "deformer info walk-model"))
 def info(
     model: Annotated[
         str | None,
@@ -218,7 +208,7 @@ def info(
 
 
 @app.command(
-    epilog=_examples(
+    epilog=examples(
         "deformer fit humanoid handles.json -o pose.ply",
         "deformer fit walk-model frames.json -o poses.npz --hard",
         "deformer fit --session edited.json -o pose.ply",
@@ -304,7 +294,7 @@ def fit(
 
 
 @app.command(
-    epilog=_examples(
+    epilog=examples(
         "deformer evaluate walk/ -o evaluation --preset quick",
         "deformer evaluate walk-model walk/ -o evaluation --methods arap,arap-nearest",
         "deformer evaluate datasets/ -o evaluation --preset paper --processes 2",
@@ -402,8 +392,8 @@ def evaluate(
     from deformer_app import evaluating
 
     options = evaluating.Options(
-        methods=_words(methods),
-        protocols=_words(protocols),
+        methods=words(methods),
+        protocols=words(protocols),
         components=_numbers("components", components),
         counts=_numbers("counts", counts),
         splits=splits,
@@ -429,7 +419,7 @@ def evaluate(
 
 
 @app.command(
-    epilog=_examples(
+    epilog=examples(
         "deformer edit",
         "deformer edit walk-model",
         "deformer edit --session pose.json",
@@ -472,7 +462,7 @@ def edit(
         console.emit(edited.summary())
 
 
-@app.command(epilog=_examples("deformer demo", "deformer demo -o pictures --json"))
+@app.command(epilog=examples("deformer demo", "deformer demo -o pictures --json"))
 def demo(
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Directory for the pictures and the mesh.")
@@ -492,10 +482,6 @@ def demo(
         console.emit(result)
         return
     player.show(result)
-
-
-def _words(text: str | None) -> tuple[str, ...] | None:
-    return None if text is None else tuple(word.strip() for word in text.split(","))
 
 
 def _numbers(name: str, text: str | None) -> tuple[int, ...] | None:
@@ -585,6 +571,7 @@ def _describe(model: DeformationModel) -> dict[str, Any]:
         "vertices": len(reference.vertices),
         "faces": len(reference.faces),
         "components": model.components,
+        "names": {str(k): name for k, name in model.names.items()},
         "bounding_diagonal": reference.bounding_diagonal,
         "split": {part: len(indices) for part, indices in (model.split or {}).items()},
         "config": console.plain(model.config),

@@ -72,7 +72,7 @@ class Colouring:
             return Paint(signed, "faces", "stretch (log2)", (-1.0, 1.0), diverging=True)
         if kind == "component" and number:
             support = self.activations.support(int(number))
-            return Paint(support, "vertices", f"component {number}", (0.0, 1.0))
+            return Paint(support, "vertices", self._model.label(int(number)), (0.0, 1.0))
         if kind == "error" and target is not None:
             errors = vertex_errors(target, pose.vertices)
             limit = max(float(np.quantile(errors, 0.99)), 1e-3 * reference.bounding_diagonal)

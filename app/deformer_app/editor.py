@@ -351,7 +351,7 @@ class Editor(Desk):
             self.view.paint(None if self.answer is None else self._paint)
         else:
             support = self.activations.support(component)
-            self.view.paint(Paint(support, "vertices", f"component {component}", (0.0, 1.0)))
+            self.view.paint(Paint(support, "vertices", self.model.label(component), (0.0, 1.0)))
         self._touch()
 
     def find_symmetry(self) -> None:

@@ -310,10 +310,10 @@ class ComponentPanel(QScrollArea):
             bar.setTextVisible(False)
             bar.setFixedSize(36, 6)
             bar.setValue(round(100 * float(known.strength[k]) / strongest))
-            bar.setToolTip("Strength: how far the surface moves over the examples")
+            bar.setToolTip("Strength: how far its extreme among the examples changes the reference")
             slider = _slider(
                 lambda position, k=k: self._slide(k, position),
-                lambda k=k: self._editor.commit(f"Component {k}"),
+                lambda k=k: self._editor.commit(self._title(k)),
             )
             slider.setProperty("component", k)
             slider.installEventFilter(self)
@@ -322,7 +322,10 @@ class ComponentPanel(QScrollArea):
             reset.setText("↺")
             reset.setToolTip("Back to the reference's value")
             reset.clicked.connect(lambda _, k=k: self._reset(k))
-            name = QLabel(str(k))
+            model = self._editor.model
+            name = QLabel(model.names.get(k, str(k)))
+            name.setToolTip(model.label(k))
+            name.setMaximumWidth(96)
             for widget in (name, bar):
                 widget.setProperty("component", k)
                 widget.installEventFilter(self)
@@ -331,6 +334,10 @@ class ComponentPanel(QScrollArea):
             self._rows[k] = slider, value
         grid.setRowStretch(len(self._rows), 1)
         self.setWidget(body)
+
+    def _title(self, k: int) -> str:
+        label = self._editor.model.label(k)
+        return label[0].upper() + label[1:]
 
     def _limits(self, k: int) -> tuple[float, float]:
         known = self._filled_for
@@ -341,11 +348,11 @@ class ComponentPanel(QScrollArea):
         low, high = self._limits(k)
         self._editor.slide(k, low + (high - low) * position / _STEPS)
         if not self._rows[k][0].isSliderDown():
-            self._editor.commit(f"Component {k}")
+            self._editor.commit(self._title(k))
 
     def _reset(self, k: int) -> None:
         self._editor.slide(k, float(self._editor.start_codes()["Reference"][k]))
-        self._editor.commit(f"Reset component {k}")
+        self._editor.commit(f"Reset {self._editor.model.label(k)}")
 
     def refresh(self) -> None:
         """Show the present code."""

@@ -61,6 +61,7 @@ class Layer:
         title: the bar's caption.
         limits: values at the ends of the bar; those of `scalars` if not given.
         bar: draw the bar.
+        colormap: colours of the scalars, from low to high, by matplotlib's name.
     """
 
     mesh: Mesh
@@ -70,6 +71,7 @@ class Layer:
     title: str = ""
     limits: tuple[float, float] | None = None
     bar: bool = True
+    colormap: str = COLORMAP
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,7 +254,12 @@ def _add_layer(plotter: pv.Plotter, layer: Layer) -> None:
         plotter.add_mesh(surface, color=layer.color, **look)
         return
     plotter.add_mesh(
-        surface, scalars="value", clim=_limits(layer), cmap=COLORMAP, show_scalar_bar=False, **look
+        surface,
+        scalars="value",
+        clim=_limits(layer),
+        cmap=layer.colormap,
+        show_scalar_bar=False,
+        **look,
     )
 
 
@@ -264,7 +271,7 @@ def draw_bar(image: Picture, layer: Layer) -> Picture:
     font = ImageFont.load_default(line)
     top, bottom = round(0.25 * height), round(0.75 * height)
     left = width - round(6.5 * line)
-    ramp = np.asarray(pv.LookupTable(COLORMAP, n_values=256).values)[::-1, :3]
+    ramp = np.asarray(pv.LookupTable(layer.colormap, n_values=256).values)[::-1, :3]
     bar = Image.fromarray(ramp.astype(np.uint8)[:, None]).resize((line, bottom - top))
     canvas = Image.fromarray(image)
     canvas.paste(bar, (left, top))

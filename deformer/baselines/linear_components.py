@@ -7,6 +7,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from deformer import learning
+from deformer.activations import Activations
 from deformer.autoencoder import ModelConfig
 from deformer.baselines._data_driven import DataDrivenDeformation
 from deformer.baselines._gradient_method import NOISES, GradientMethod
@@ -81,8 +82,9 @@ class LinearComponents(GradientMethod):
             raise InputError("shapes: not of the connectivity that the given model was trained on")
         self._model = model
         q = self._extract(shapes.vertices)
-        base, changes = _representatives(model, shapes.vertices[:1])
-        space = GradientSpace(model.poisson, base, changes, model.scaler.gain)
+        acts = Activations(model)
+        changes = np.stack([acts.change(k) for k in range(components)])
+        space = GradientSpace(model.poisson, acts.base, changes, model.scaler.gain)
         codes = space.project(q)
 
         def trial(kept: IntArray) -> HandleFit:
@@ -96,22 +98,3 @@ class LinearComponents(GradientMethod):
         if self._model is None:
             raise InputError("LinearComponents has learned nothing yet; call fit first")
         return extract_all(self._model.extractor, vertices)
-
-
-def _representatives(
-    model: DeformationModel, reference: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Decoded features (V, 9) of the reference, and their changes (K, V, 9) by components."""
-    z = model.encode(reference)[0]
-    base = model.decoder.features(z)
-    gain = model.scaler.gain
-    ends = model.codes.min(axis=0), model.codes.max(axis=0)
-    changes = np.empty((model.components, *base.shape))
-    for k in range(model.components):
-        candidates = []
-        for end in ends:
-            moved = z.copy()
-            moved[k] = end[k]
-            candidates.append(model.decoder.features(moved) - base)
-        changes[k] = max(candidates, key=lambda change: float(((change / gain) ** 2).sum()))
-    return base, changes

@@ -1,0 +1,187 @@
+"""New shapes from components: weighted, swept, drawn from the prior, carried to another model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deformer.activations import Activations, Familiarity
+from deformer.errors import InputError
+from deformer.mesh import FloatArray
+from deformer.model import DeformationModel, encode_features
+
+Way = Literal["latent", "features", "linear"]
+WAYS: tuple[Way, ...] = ("latent", "features", "linear")
+
+# By component: its index or its name. (A mapping's keys are invariant: plain ints would not do.)
+Weights = Mapping[Any, float]
+
+
+class Synthesis:
+    """Shapes by a weight for each component (Tan et al., AAAI 2018, "Shape Synthesis").
+
+    Entry k of the code is z_k = start_k + w_k (Z_k,h − Z_k,r): weight 0 leaves the start, weight 1
+    from the reference is the component's representative shape.
+
+    Args:
+        model: the prior.
+        start: (K,) code of the shape to start from; None is the reference's.
+
+    Raises:
+        InputError: the start is no code of the model.
+    """
+
+    def __init__(self, model: DeformationModel, start: ArrayLike | None = None) -> None:
+        """Find the components' extremes."""
+        self.model = model
+        self.activations = Activations(model)
+        chosen = self.activations.reference if start is None else start
+        self.start = np.array(chosen, dtype=np.float64)
+        if self.start.shape != (model.components,) or not np.isfinite(self.start).all():
+            raise InputError(
+                f"start: expected {model.components} finite numbers, got {self.start.shape}"
+            )
+
+    def code(self, weights: Weights) -> FloatArray:
+        """Latent code (K,) of weights by component: its index or its name.
+
+        Raises:
+            InputError: no such component, one given twice (by index and by name), a weight that is
+                not finite.
+        """
+        span = self.activations.extreme - self.activations.reference
+        return self.start + self._vector(weights) * span
+
+    def shape(self, weights: Weights, way: Way = "latent") -> FloatArray:
+        """Vertices (V, 3) of weights by component, centroid at the reference's.
+
+        Args:
+            weights: by index or name.
+            way: "latent" decodes the code. The others are linear counterparts, for comparison:
+                they add up w_k times the change from the reference to each representative shape,
+                of "features", or of vertices ("linear").
+
+        Raises:
+            InputError: as `code`, or an unknown way.
+        """
+        model, acts = self.model, self.activations
+        check_way(way)
+        if way == "latent":
+            return model.decode(self.code(weights))
+        w = self._vector(weights)
+        used = np.flatnonzero(w)
+        if way == "features":
+            q = model.decoder.features(self.start)
+            for k in used:
+                q = q + w[k] * acts.change(int(k))
+            return model.poisson.reconstruct(q)
+        p, rest = model.decode(self.start), model.decode(acts.reference)
+        for k in used:
+            p = p + w[k] * (model.decode(acts.representative(int(k))) - rest)
+        return p
+
+    def sweep(
+        self,
+        component: int | str,
+        values: ArrayLike,
+        weights: Weights | None = None,
+        way: Way = "latent",
+    ) -> FloatArray:
+        """Vertices (n, V, 3) as one component's weight takes values (n,), the others held."""
+        k = self.model.component(component)
+        held = {self.model.component(key): w for key, w in (weights or {}).items()}
+        steps = np.atleast_1d(np.asarray(values, dtype=np.float64))
+        return np.stack([self.shape({**held, k: float(w)}, way) for w in steps])
+
+    def _vector(self, weights: Weights) -> FloatArray:
+        w = np.zeros(self.model.components)
+        seen: dict[int, int | str] = {}
+        for key, value in weights.items():
+            k = self.model.component(key)
+            if k in seen:
+                raise InputError(f"weights: {seen[k]!r} and {key!r} are one component; give one")
+            if not np.isfinite(value):
+                raise InputError(f"weight of {key!r}: expected a finite number, got {value}")
+            seen[k], w[k] = key, value
+        return w
+
+
+def draw_codes(
+    model: DeformationModel, count: int, seed: int = 0, bound: float = 1.0
+) -> FloatArray:
+    """Random plausible latent codes (count, K).
+
+    Drawn from the Gaussian prior. One that is farther than `bound` from every training code is
+    moved towards the nearest until it is as far as that.
+
+    Args:
+        model: the prior.
+        count: how many.
+        seed: of the random generator.
+        bound: greatest `Familiarity.distance`: 1 is as far as examples are from each other, 0
+            gives training codes.
+
+    Raises:
+        InputError: `count` or `bound` is negative.
+    """
+    if count < 0 or not bound >= 0:
+        raise InputError(f"count, bound: expected 0 or more, got {count} and {bound}")
+    rng = np.random.default_rng(seed)
+    prior, familiarity = model.prior, Familiarity(model)
+    drawn = prior.mean + rng.normal(size=(count, model.components)) @ prior.factor.T
+    for z in drawn:
+        row, distance = familiarity.nearest(z)
+        if distance > bound:
+            example = model.codes[row]
+            z[:] = example + bound / distance * (z - example)
+    return drawn
+
+
+def check_way(way: str) -> None:
+    """Raise InputError unless `way` is one of `WAYS`."""
+    if way not in WAYS:
+        raise InputError(f"way: expected one of {', '.join(WAYS)}, got {way!r}")
+
+
+def transfer(source: DeformationModel, target: DeformationModel, z: ArrayLike) -> FloatArray:
+    """The deformation that a code of one model decodes to, of another model's reference.
+
+    Args:
+        source: model of the code.
+        target: model of the same connectivity. Its reference should stand as the source's does:
+            what is carried over is the change from the reference.
+        z: (K,) code of `source`.
+
+    Returns:
+        Vertices (V, 3), centroid at the target's reference's. Whether the target's examples do
+        anything like it is not asked; `transfer_code` does.
+
+    Raises:
+        InputError: the connectivities differ, or z is no code of `source`.
+    """
+    return target.poisson.reconstruct(_carried(source, target, z))
+
+
+def transfer_code(source: DeformationModel, target: DeformationModel, z: ArrayLike) -> FloatArray:
+    """The code (K',) by which the target encodes the deformation that a source's code decodes to.
+
+    Arguments and errors are those of `transfer`.
+    """
+    q = _carried(source, target, z)
+    return encode_features(target.network, target.scaler.scale(q[None]))[0]
+
+
+def _carried(source: DeformationModel, target: DeformationModel, z: ArrayLike) -> FloatArray:
+    """Features (V, 9) of a source's code, once it is known that the target can take them."""
+    code = np.asarray(z, dtype=np.float64)
+    if code.shape != (source.components,):
+        raise InputError(f"z: expected ({source.components},), got {code.shape}")
+    if not np.array_equal(source.reference.faces, target.reference.faces):
+        raise InputError(
+            f"transfer: the models' connectivities differ ({len(source.reference.faces)} and "
+            f"{len(target.reference.faces)} faces); both must be of one"
+        )
+    return source.decoder.features(code)

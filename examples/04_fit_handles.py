@@ -1,0 +1,41 @@
+"""Fit from handles: one hand is pulled up, both feet are held, the prior moves the rest."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import deformer
+from deformer_app.camera import aim
+from deformer_app.filmstrips import save_sheet
+from deformer_app.pictures import HandleMarks, contact_sheet, render
+
+
+def main(picture: Path, quick: bool = False) -> float:
+    """Write the picture; returns the soft handles' largest distance, in metres."""
+    model = deformer.load_model("humanoid")  # z up, its left at +x
+    body = model.reference
+    x, _, z = body.vertices.T
+    handles = [int(i) for i in (x.argmax(), (z - 0.3 * x).argmin(), (z + 0.3 * x).argmin())]
+    targets = body.vertices[handles] + [[-0.15, -0.2, 0.75], [0, 0, 0], [0, 0, 0]]
+
+    solver = deformer.HandleSolver(model)
+    poses = []
+    for hard in (False, True):
+        solver.set_handles(handles, targets, hard=hard)
+        poses.append(solver.solve())
+
+    shapes = [body.vertices, *(pose.vertices for pose in poses)]
+    size = (120, 150) if quick else (420, 520)
+    camera = aim(np.stack([*shapes]), up="z", aspect=size[0] / size[1], margin=0.1)
+    marks = [HandleMarks(p[handles], targets, [False, True, True]) for p in shapes]
+    drawn = [
+        render(deformer.Mesh(p, body.faces), camera, size, mark)
+        for p, mark in zip(shapes, marks, strict=True)
+    ]
+    save_sheet(picture, contact_sheet(drawn, 3, ["handles", "close to them", "exactly on them"]))
+    return float(poses[0].residual.max())
+
+
+if __name__ == "__main__":
+    print("largest distance from handle to target, metres:", main(Path(sys.argv[1])))

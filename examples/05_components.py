@@ -1,0 +1,28 @@
+"""Component analysis: the strongest components of the shipped figure, named and pictured."""
+
+import sys
+from pathlib import Path
+
+import deformer
+from deformer_app.analysing import heat_maps, title
+from deformer_app.filmstrips import save_sheet
+from deformer_app.pictures import contact_sheet
+
+NAMES = {2: "left elbow", 1: "right elbow", 6: "right knee", 5: "left knee", 8: "squat"}
+
+
+def main(picture: Path, quick: bool = False) -> list[deformer.Component]:
+    """Write the picture; returns the components."""
+    model = deformer.load_model("humanoid").named(NAMES)
+    analysis = deformer.ComponentAnalysis(model)
+    found = analysis.ranked(2 if quick else 10)
+
+    size = (150, 150) if quick else (400, 420)
+    pictures = list(heat_maps(analysis, found, up="z", size=size))
+    save_sheet(picture, contact_sheet(pictures, 5, [title(c) for c in found]))
+    return found
+
+
+if __name__ == "__main__":
+    for c in main(Path(sys.argv[1])):
+        print(c.index, c.label, f"{c.strength:.1f}", "used most by shapes", c.users)

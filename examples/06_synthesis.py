@@ -1,0 +1,29 @@
+"""Synthesis: weights for components, several at once; below, the linear counterpart."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import deformer
+from deformer_app.filmstrips import save_rows
+
+
+def main(picture: Path, quick: bool = False) -> None:
+    """Write the picture."""
+    model = deformer.load_model("humanoid").named({6: "right knee", 29: "right arm", 2: "elbow"})
+    synthesis = deformer.Synthesis(model)
+    steps = np.linspace(0, 1.5, 2 if quick else 7)
+
+    rows = {
+        way: np.stack(
+            [synthesis.shape({"right knee": w, "right arm": w, "elbow": w}, way) for w in steps]
+        )
+        for way in ("latent", "linear")
+    }
+    titles = {way: [f"{way}, weights {w:.2f}" for w in steps] for way in rows}
+    save_rows(picture, rows, model.reference.faces, "z", titles)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,72 @@
+"""The examples run, at reduced size, and each shows what it says."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+ROOT = Path(__file__).parents[1]
+EXAMPLES = ROOT / "examples"
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """Run an example's main; its picture must be one."""
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+
+    def call(name):
+        spec = importlib.util.spec_from_file_location(f"example_{name}", EXAMPLES / f"{name}.py")
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        picture = tmp_path / f"{name}.png"
+        result = module.main(picture, quick=True)
+        assert Image.open(picture).convert("L").getextrema()[0] < 128
+        return result
+
+    yield call
+    sys.modules.pop("tube", None)
+
+
+def test_features_hold_two_turns(run):
+    assert run("02_features") < 1e-6
+
+
+def test_training_reproduces_something(run):
+    assert run("03_train") < 100  # thousandths; a tube left at rest is off by 130 and more
+
+
+def test_handles_are_met(run):
+    assert run("04_fit_handles") < 0.02
+
+
+def test_components_are_ranked(run):
+    first, second = run("05_components")
+    assert first.strength >= second.strength > 0
+
+
+def test_synthesis_runs(run):
+    run("06_synthesis")
+
+
+def test_only_the_straight_line_shrinks_limbs(run):
+    found = run("07_interpolation")
+    assert min(found["latent"], found["features"]) > 0.98 > 0.8 > found["linear"]
+
+
+def test_methods_are_compared(run):
+    assert set(run("08_compare_methods")) == {"Deformer", "pca", "splocs", "arap"}
+
+
+def test_markers_are_fitted_below_their_noise(run):
+    error, noise = run("09_markers")
+    assert error < noise
+
+
+def test_the_gallery_shows_every_example():
+    text = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
+    for path in sorted(EXAMPLES.glob("0[2-9]_*.py")):
+        assert f"../examples/{path.name}" in text
+        assert f"gallery/{path.stem}.png" in text
+        assert (ROOT / "docs" / "gallery" / f"{path.stem}.png").is_file()
