@@ -5,7 +5,7 @@ extended position-based dynamics, with stretch, shear, bending, self-collision a
 a divergence-free turbulent wind on every face. See the code beside this file.
 
     python examples/10_make_flag.py flag.npz --frames 300 --seed 0
-    python examples/10_make_flag.py noisy.npz --frames 300 --seed 0 --noise 0.0015
+    python examples/10_make_flag.py noisy.npz --frames 300 --seed 0 --noise 0.001
 
 The same seed gives the same motion, with and without noise. The NPZ holds `vertices` float32
 (N, V, 3) in metres, z up, the pole at x = 0, the wind blowing along +x: shape 0 is the flat flag
@@ -100,9 +100,7 @@ def main(
     seed: Annotated[int, typer.Option(help="Seed of the wind and the noise.", min=0)] = 0,
     noise: Annotated[
         float,
-        typer.Option(
-            help="Standard deviation of the noise in metres; 4 times that at corners.", min=0
-        ),
+        typer.Option(help="Standard deviation of the noise in metres; 4 times at corners.", min=0),
     ] = 0.0,
 ) -> None:
     """Simulate the flag training set and write it to OUT."""

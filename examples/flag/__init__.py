@@ -1,1 +1,1 @@
-"""The flag set: cloth, wind, noise and checks behind `10_make_flag.py` and `11_flag_components.py`."""
+"""The flag set: cloth, wind, noise and checks behind the examples 10 and 11."""

@@ -1,8 +1,8 @@
 """A rectangle of cloth: its grid, its constraints, and extended position-based dynamics (XPBD).
 
 Macklin, Müller, Chentanez, "XPBD" (2016), with many small steps of one iteration each (Macklin et
-al., "Small Steps in Physics Simulation", 2019): a step predicts positions from the velocities, moves
-them onto the constraints one after the other, and takes what they moved by for the new velocities.
+al., "Small Steps in Physics Simulation", 2019): a step predicts positions from the velocities,
+moves them onto the constraints one after the other, and takes what they moved by for velocities.
 Compliances are those of a continuous sheet, so that the same cloth hangs alike at any resolution.
 """
 
