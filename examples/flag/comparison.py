@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from deformer import DeformationModel, e_rms
 from deformer.baselines.edges import EdgeSplocs
 from flag.noise import CORNER_GAIN, noise_profile
+from flag.quality import swing_angles
 
 
 class Components(Protocol):
@@ -140,6 +141,23 @@ def motion_shares(components: Components, clean: NDArray, noisy: NDArray) -> NDA
     z, disturbed = components.codes(clean), components.codes(noisy)
     motion, noise = z.var(axis=0), (disturbed - z).var(axis=0)
     return motion / np.maximum(motion + noise, np.finfo(float).tiny)
+
+
+def swing_explained(
+    components: Components, clean: NDArray, noisy: NDArray, kept: NDArray, shape: tuple[int, int]
+) -> float:
+    """Share of the swing's variance that a linear function of some noisy activations explains (R²).
+
+    Args:
+        components: learned with noise.
+        clean, noisy: (N, V, 3) the same frames, not of the training; the swing is the clean ones'.
+        kept: components to take.
+        shape: columns and rows of the flag's vertices.
+    """
+    angle = swing_angles(clean, shape)
+    columns = np.column_stack([np.ones(len(angle)), components.codes(noisy)[:, kept]])
+    residual = angle - columns @ np.linalg.lstsq(columns, angle, rcond=None)[0]
+    return float(1.0 - residual.var() / angle.var())
 
 
 def corner_shares(components: Components, rest: NDArray) -> NDArray:
