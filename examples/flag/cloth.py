@@ -3,7 +3,8 @@
 Macklin, Müller, Chentanez, "XPBD" (2016), with many small steps of one iteration each (Macklin et
 al., "Small Steps in Physics Simulation", 2019): a step predicts positions from the velocities,
 moves them onto the constraints one after the other, and takes what they moved by for velocities.
-Compliances are those of a continuous sheet, so that the same cloth hangs alike at any resolution.
+Compliances are those of a continuous sheet, so that the same cloth hangs alike at any resolution,
+but for its rim, which is half a cell wide and as stiff as a whole one.
 """
 
 from __future__ import annotations
