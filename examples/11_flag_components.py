@@ -29,6 +29,7 @@ from flag.comparison import (
     corner_shares,
     explained,
     motion_shares,
+    on_pole,
     rebuilt,
     strongest,
     swing_explained,
@@ -104,7 +105,9 @@ def measure(
             rebuilt(components, noisy[n : n + 1], kept)[0]
             for n in track(some, f"{components.name}, {name}")
         ]
-        parts[name] = explained(clean[some], np.array(shapes), rest)
+        for rigid in (False, True):
+            share = explained(clean[some], np.array(shapes), rest, rigid)
+            parts[f"{'shape' if rigid else 'deformation'}_explained_by_{name}"] = share
     return {
         "components": first.tolist(),
         "strengths": components.strengths[first].tolist(),
@@ -113,15 +116,13 @@ def measure(
         "motion_of_all": shares.tolist(),
         "corners": corners[first].tolist(),
         "swing_explained_by_four": swing,
-        "explained_by_four": parts["four"],
-        "explained_by_all": parts["all"],
+        **parts,
     }
 
 
 def picture(learned: list[Components], noisy: MeshSequence) -> NDArray[np.uint8]:
     """Key frames above; for each method its four strongest components and all of them together."""
     rest, faces = noisy.vertices[0], noisy.faces
-    pole = rest[:, 0] == 0.0
     keys = np.linspace(0, len(noisy) - 1, SHOWN + 2).round().astype(int)[1:]
     layers = [[Layer(noisy.mesh(int(n)))] for n in keys]
     titles = [f"frame {n}" for n in keys]
@@ -131,8 +132,8 @@ def picture(learned: list[Components], noisy: MeshSequence) -> NDArray[np.uint8]
         codes = np.tile(components.reference, (SHOWN + 1, 1))
         codes[np.arange(SHOWN), first] = components.extremes[first]
         codes[SHOWN, first] += TOGETHER * (components.extremes - components.reference)[first]
-        for n, shape in enumerate(components.shapes(codes)):
-            laid = Mesh(shape + (rest[pole] - shape[pole]).mean(axis=0), faces)
+        for n, shape in enumerate(on_pole(components.shapes(codes), rest)):
+            laid = Mesh(shape, faces)
             if n < SHOWN:
                 support = components.support(int(first[n]))
                 layers.append([ghost, Layer(laid, scalars=support, limits=(0.0, 1.0), bar=False)])
@@ -156,8 +157,10 @@ def show(results: dict[str, dict[str, Any]], console: Console) -> None:
             table.add_row(f"component {n + 1}: {label}", *values)
     for name, label in (
         ("swing_explained_by_four", "swing angle told by the first four"),
-        ("explained_by_four", "deformation rebuilt from the first four"),
-        ("explained_by_all", "deformation rebuilt from all"),
+        ("deformation_explained_by_four", "deformation rebuilt from the first four"),
+        ("deformation_explained_by_all", "deformation rebuilt from all"),
+        ("shape_explained_by_four", "without rigid motion, the first four"),
+        ("shape_explained_by_all", "without rigid motion, all"),
     ):
         table.add_row(label, *(f"{100 * row[name]:.0f} %" for row in results.values()))
     console.print(table)

@@ -177,11 +177,28 @@ def rebuilt(components: Components, noisy: NDArray, kept: NDArray) -> NDArray:
     return components.shapes(codes)
 
 
-def explained(clean: NDArray, estimate: NDArray, rest: NDArray) -> float:
+def on_pole(shapes: NDArray, rest: NDArray) -> NDArray:
+    """Shapes (N, V, 3) moved, not turned, so that the middle of the pole is where it is at rest."""
+    pole = rest[:, 0] == rest[:, 0].min()
+    away = rest[pole].mean(axis=0) - shapes[:, pole].mean(axis=1)
+    return shapes + away[:, None]
+
+
+def explained(clean: NDArray, estimate: NDArray, rest: NDArray, rigid: bool = False) -> float:
     """Share of the frames' deformation that an estimate has: 1 all, 0 as good as the flat flag.
 
-    One less the squared E_rms of the estimate over that of the flag at rest; every shape is first
-    laid on its frame by the best rigid motion, for lengths and angles do not say where it is.
+    One less the squared E_rms of the estimate over that of the flag at rest.
+
+    Args:
+        clean: (N, V, 3) frames.
+        estimate: (N, V, 3).
+        rest: (V, 3) the flat flag.
+        rigid: first lay the estimate and the flat flag on every frame by the best rigid motion of
+            each: the swing as a whole no longer counts, as lengths and angles cannot tell it. Or
+            else both hang on the pole.
     """
     flat = np.broadcast_to(rest, clean.shape)
-    return 1.0 - (e_rms(clean, estimate, align="rigid") / e_rms(clean, flat, align="rigid")) ** 2
+    if not rigid:
+        estimate = on_pole(estimate, rest)
+    align = "rigid" if rigid else "none"
+    return 1.0 - (e_rms(clean, estimate, align) / e_rms(clean, flat, align)) ** 2
