@@ -136,7 +136,7 @@ def picture(learned: list[Components], noisy: MeshSequence) -> NDArray[np.uint8]
             laid = Mesh(shape, faces)
             if n < SHOWN:
                 support = components.support(int(first[n]))
-                layers.append([ghost, Layer(laid, scalars=support, limits=(0.0, 1.0), bar=False)])
+                layers.append([ghost, Layer(laid, scalars=support, limits=(0.0, 0.5), bar=False)])
                 titles.append(f"{components.name} {n + 1}")
             else:
                 layers.append([ghost, Layer(laid)])
