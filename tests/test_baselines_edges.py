@@ -242,6 +242,20 @@ def test_training_shapes_come_back_in_their_own_frame():
     assert e_rms(turned, own.decode(own.fit_codes(turned))) < 1.0
 
 
+def test_components_times_weights_are_the_features():
+    """With as many components as the examples need, on the edges that `edges` names."""
+    method, shapes = learned(), sequence().vertices
+    shell = Shell(sequence().mesh(0))
+    w = method.weights(shapes)
+    np.testing.assert_array_equal(method.encode(shapes)[:, :-3], w)
+    features = np.array([shell.features(p) for p in shapes])
+    rebuilt = np.tensordot(w - w[0], method.components, axes=1)
+    np.testing.assert_allclose(rebuilt, features - features[0], atol=2e-2 * np.ptp(features))
+    i, j = method.edges.T
+    length = np.linalg.norm(shapes[:, i] - shapes[:, j], axis=2)
+    np.testing.assert_allclose(length, [shell.measure(p)[0] for p in shapes])
+
+
 def test_fit_codes_is_closer_than_encode():
     unseen = np.stack([twist(sequence().vertices[2], 0.3), twist(sequence().vertices[8], -0.4)])
     encoded = e_rms(unseen, learned().decode(learned().encode(unseen)))

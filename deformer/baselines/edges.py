@@ -96,19 +96,33 @@ class EdgeSplocs:
         self._deformation = learn(np.arange(len(shapes)), self.settings)
         return self
 
-    def encode(self, vertices: ArrayLike) -> FloatArray:
-        """Codes (N, K + 3) of shapes (N, V, 3): least squares on features, then the frame."""
-        space = self._learned().space
+    @property
+    def components(self) -> FloatArray:
+        """Components (K, E, 2): changes of edges' lengths and angles, as `Shell` weighs them."""
+        return self._learned().space.components
+
+    @property
+    def edges(self) -> IntArray:
+        """Ends (E, 2) of the edges that the components speak of."""
+        return self._learned().space.shell.hinges[:, :2]
+
+    def weights(self, vertices: ArrayLike) -> FloatArray:
+        """Weights (N, K) of shapes (N, V, 3) by least squares on features, without their frames."""
         shapes = self._checked(vertices)
-        w = space.project(np.array([space.shell.features(p) for p in shapes]))
-        return self._with_frames(w, shapes)
+        space = self._learned().space
+        return space.project(np.array([space.shell.features(p) for p in shapes]))
+
+    def encode(self, vertices: ArrayLike) -> FloatArray:
+        """Codes (N, K + 3) of shapes (N, V, 3): their weights, then the frame."""
+        shapes = self._checked(vertices)
+        return self._with_frames(self.weights(shapes), shapes)
 
     def fit_codes(self, vertices: ArrayLike) -> FloatArray:
         """Codes (N, K + 3) whose vertices come closest to shapes (N, V, 3)."""
         deformation = self._learned()
         space = deformation.space
         shapes = self._checked(vertices)
-        w = space.project(np.array([space.shell.features(p) for p in shapes]))
+        w = self.weights(shapes)
         found = [space.closest(p, row, deformation.prior) for p, row in zip(shapes, w, strict=True)]
         return self._with_frames(np.array(found), shapes)
 
