@@ -171,7 +171,7 @@ def transfer_code(source: DeformationModel, target: DeformationModel, z: ArrayLi
     Arguments and errors are those of `transfer`.
     """
     q = _carried(source, target, z)
-    return encode_features(target.network, target.scaler.scale(q[None]))[0]
+    return encode_features(target.config, target.network, target.scaler, target.decoder, q[None])[0]
 
 
 def _carried(source: DeformationModel, target: DeformationModel, z: ArrayLike) -> FloatArray:
