@@ -130,10 +130,9 @@ def train(
         base, settings, scaler, result.network, codes, fit_prior(codes), split, summary
     )
     decoded = model.decode(codes)
-    model = replace(model, placement=fit_placement(decoded, chosen, base.bounding_diagonal))
     summary["train_e_rms"] = e_rms(chosen, decoded)
     if held_out is not None:
         if settings.align:
             held_out = align(held_out, base.vertices)
         summary["test_e_rms"] = e_rms(held_out, model.decode(model.encode(held_out)))
-    return model
+    return replace(model, placement=fit_placement(decoded, chosen, base.bounding_diagonal))

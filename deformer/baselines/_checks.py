@@ -14,8 +14,8 @@ def checked_shapes(vertices: ArrayLike, vertex_count: int) -> FloatArray:
     shapes = np.asarray(vertices, dtype=np.float64)
     if shapes.ndim != 3 or shapes.shape[1:] != (vertex_count, 3):
         raise InputError(
-            f"vertices: expected (N, {vertex_count}, 3) as the reference has, got {shapes.shape}; "
-            "all shapes must share one connectivity"
+            f"vertices: expected (N, {vertex_count}, 3), got {shapes.shape}; "
+            "all shapes share the reference's connectivity"
         )
     bad = np.argwhere(~np.isfinite(shapes))
     if len(bad):
@@ -42,20 +42,25 @@ def checked_handles(
     goals = np.asarray(targets, dtype=np.float64)
     if index.ndim != 1 or len(index) == 0 or not np.issubdtype(index.dtype, np.integer):
         raise InputError(
-            f"vertices: expected at least one vertex index (H,), got {index.dtype} {index.shape}"
+            f"vertices: expected at least one vertex index (H,), got {index.dtype} "
+            f"of shape {index.shape}"
         )
     if goals.shape != (len(index), 3):
-        raise InputError(f"targets: expected ({len(index)}, 3), one a handle, got {goals.shape}")
+        raise InputError(f"targets: expected {(len(index), 3)}, got shape {goals.shape}")
     for h, vertex in enumerate(index.tolist()):
         if not 0 <= vertex < vertex_count:
             raise InputError(
-                f"handle {h}: vertex {vertex} does not exist; the mesh has 0…{vertex_count - 1}"
+                f"handle {h}: vertex {vertex} does not exist; "
+                f"the mesh has vertices 0…{vertex_count - 1}"
             )
         if not np.isfinite(goals[h]).all():
-            raise InputError(f"handle {h}: target {goals[h].tolist()} is not finite")
+            raise InputError(
+                f"handle {h}: target {goals[h].tolist()} is not finite; "
+                "targets are finite positions"
+            )
     same = np.flatnonzero(np.bincount(index, minlength=vertex_count) > 1)
     if len(same):
-        raise InputError(f"vertices: {same[0]} is given twice; give every vertex one target")
+        raise InputError(f"vertex {same[0]} is given twice; give each vertex one target")
     return index.astype(np.int64), goals
 
 

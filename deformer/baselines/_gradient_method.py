@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import replace
 from typing import Self
 
@@ -31,7 +32,7 @@ NOISES = (0.003, 0.006, 0.012, 0.025)
 _ROUNDS_OF_A_TRIAL = 10
 
 
-class GradientMethod:
+class GradientMethod(ABC):
     """Codes, shapes and handle fits of a `GradientSpace`; a subclass learns it.
 
     Args:
@@ -57,9 +58,9 @@ class GradientMethod:
             raise InputError(f"{type(self).__name__} has learned nothing yet; call fit first")
         return self._deformation
 
+    @abstractmethod
     def _extract(self, vertices: FloatArray) -> FloatArray:
         """Features (N, V, 9) of shapes (N, V, 3)."""
-        raise NotImplementedError
 
     def encode(self, vertices: ArrayLike) -> FloatArray:
         """Codes (N, K) whose features are closest to those of shapes (N, V, 3): least squares."""

@@ -8,6 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from deformer.baselines._checks import checked_codes, checked_handles, checked_shapes
 from deformer.baselines._linear_basis import (
     HandleRegression,
     LinearBasis,
@@ -70,19 +71,15 @@ class LinearMethod(ABC):
 
     def encode(self, vertices: ArrayLike) -> FloatArray:
         """Codes (N, K) of shapes (N, V, 3): those of `fit_codes` if it says no other."""
-        return self.basis.encode(self._checked(vertices))
+        return self.basis.encode(checked_shapes(vertices, len(self.basis.origin)))
 
     def fit_codes(self, vertices: ArrayLike) -> FloatArray:
         """Codes (N, K) whose decoded vertices come closest to shapes (N, V, 3): least squares."""
-        return self.basis.project(self._checked(vertices))
+        return self.basis.project(checked_shapes(vertices, len(self.basis.origin)))
 
     def decode(self, codes: ArrayLike) -> FloatArray:
         """Shapes (N, V, 3) of codes (N, K)."""
-        z = np.asarray(codes, dtype=np.float64)
-        K = len(self.basis.components)
-        if z.ndim != 2 or z.shape[1] != K:
-            raise InputError(f"codes: expected an array of shape (N, {K}), got {z.shape}")
-        return self.basis.decode(z)
+        return self.basis.decode(checked_codes(codes, len(self.basis.components)))
 
     def fit_handles(self, vertices: ArrayLike, targets: ArrayLike) -> FloatArray:
         """The mesh (V, 3) when only vertices (H,) are known to lie at targets (H, 3).
@@ -90,7 +87,7 @@ class LinearMethod(ABC):
         Raises:
             InputError: no, repeated or unknown vertices, or targets of another shape.
         """
-        handles, positions = _check_handles(vertices, targets, len(self.basis.origin))
+        handles, positions = checked_handles(vertices, targets, len(self.basis.origin))
         penalty = self.penalty(handles)
         if self._regression is None:
             V = self._shapes.vertices
@@ -118,38 +115,3 @@ class LinearMethod(ABC):
             basis = self.learn(kept, reference, len(self.basis.components), self._seed)
             regressions.append(HandleRegression(basis, kept, left))
         return regressions
-
-    def _checked(self, vertices: ArrayLike) -> FloatArray:
-        X = np.asarray(vertices, dtype=np.float64)
-        V = len(self.basis.origin)
-        if X.ndim != 3 or X.shape[1:] != (V, 3):
-            raise InputError(f"vertices: expected an array of shape (N, {V}, 3), got {X.shape}")
-        if not np.isfinite(X).all():
-            raise InputError("vertices: expected finite positions")
-        return X
-
-
-def _check_handles(
-    vertices: ArrayLike, targets: ArrayLike, vertex_count: int
-) -> tuple[IntArray, FloatArray]:
-    handles = np.asarray(vertices)
-    positions = np.asarray(targets, dtype=np.float64)
-    if handles.ndim != 1 or len(handles) == 0 or not np.issubdtype(handles.dtype, np.integer):
-        raise InputError(
-            f"vertices: expected at least one vertex index (H,), got {handles.dtype} "
-            f"of shape {handles.shape}"
-        )
-    if positions.shape != (len(handles), 3) or not np.isfinite(positions).all():
-        raise InputError(
-            f"targets: expected finite positions of shape {(len(handles), 3)}, "
-            f"got shape {positions.shape}"
-        )
-    bad = handles[(handles < 0) | (handles >= vertex_count)]
-    if len(bad):
-        raise InputError(
-            f"vertex {bad[0]} does not exist; the mesh has vertices 0…{vertex_count - 1}"
-        )
-    values, counts = np.unique(handles, return_counts=True)
-    if counts.max() > 1:
-        raise InputError(f"vertex {values[counts.argmax()]} is given twice; name each once")
-    return handles.astype(np.int64), positions

@@ -6,13 +6,13 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from deformer import learning
 from deformer.activations import Activations
 from deformer.autoencoder import ModelConfig
 from deformer.baselines._data_driven import DataDrivenDeformation
 from deformer.baselines._gradient_method import NOISES, GradientMethod
 from deformer.baselines._gradient_space import GradientSpace
 from deformer.baselines._noise import HandleFit, choose_noise
+from deformer.baselines.autoencoder import Autoencoder
 from deformer.baselines.method import Space
 from deformer.errors import InputError
 from deformer.features import extract_all
@@ -65,14 +65,8 @@ class LinearComponents(GradientMethod):
         self._check_training(len(shapes), components)
         model = self._given
         if model is None:
-            model = learning.train(
-                shapes,
-                components,
-                config=self.config,
-                epochs=self.epochs,
-                seed=seed,
-                device=self.device,
-            )
+            network = Autoencoder(config=self.config, epochs=self.epochs, device=self.device)
+            model = network.fit(shapes, components, seed).model
         if model.components != components:
             raise InputError(
                 f"components: the given model has {model.components}, got {components}; "
