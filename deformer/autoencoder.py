@@ -25,13 +25,16 @@ class ModelConfig:
         name: "paper", "default", or a name of one's own.
         components: K, dimensions of the latent code.
         layers: output width of each graph convolution of the encoder; the last is the paper's μ.
-        sparsity: λ₁, weight of Ω(C).
         range_weight: λ₂, weight of V(Z).
         range_limit: θ, the latent magnitude that V(Z) leaves free.
         d_min, d_max: normalised geodesic distances between which Λ rises from 0 to 1.
-        learning_rate: of Adam; its peak where `schedule` is "cosine".
+        method: "factorisation" alternates between codes and components, each the best for the
+            other (`factoring.factor`); "gradients" is Adam on the whole network (the paper).
+        epochs: steps of Adam, or rounds of the factorisation.
+        sparsity: λ₁, weight of Ω(C); a factorisation's is for data of unit variance.
+        learning_rate: of Adam, as `range_weight` and all from here to `initial` are; its peak
+            where `schedule` is "cosine".
         schedule: "constant" (the paper), or "cosine": a short rise, then down to a hundredth.
-        epochs: steps of the optimiser.
         batch: examples drawn for every step; 0 takes all of them (the paper).
         mixed_shapes: shapes mixed from two examples, region by region, that are added to every
             step; 0 trains on the examples alone (the paper).
@@ -42,12 +45,15 @@ class ModelConfig:
         encoder: of shapes, once the network is trained: the "network"'s own (the paper), or
             "projection": the code of least squares in front of the decoder's tanh
             (`Decoder.project`). Networks of several layers have no such and use their own.
+        mirrored: train on the examples' mirror images, too, where the body is symmetric and they
+            help to explain the examples (`mirroring.images_explain`); False is the paper.
         align: remove each shape's rigid motion against the reference before anything else.
     """
 
     name: str = "default"
     components: int = 50
     layers: tuple[int, ...] = (9,)
+    method: str = "gradients"
     sparsity: float = 2.0
     range_weight: float = 0.5
     range_limit: float = 5.0
@@ -61,6 +67,7 @@ class ModelConfig:
     initial: str = "pca"
     pruning: float = 0.01
     encoder: str = "projection"
+    mirrored: bool = True
     align: bool = False
 
     def __post_init__(self) -> None:
@@ -75,6 +82,7 @@ class ModelConfig:
         if not 0 <= self.d_min < self.d_max:
             raise InputError(f"d_min < d_max expected, got {self.d_min} and {self.d_max}")
         for field, allowed in (
+            ("method", ("gradients", "factorisation")),
             ("schedule", ("constant", "cosine")),
             ("initial", ("random", "pca")),
             ("encoder", ("network", "projection")),
@@ -83,6 +91,11 @@ class ModelConfig:
                 raise InputError(
                     f"{field}: expected one of {', '.join(allowed)}, got {getattr(self, field)!r}"
                 )
+        if self.method == "factorisation" and not (self.projects and self.layers == (FEATURES,)):
+            raise InputError(
+                f"method: a factorisation has layers ({FEATURES},) and the encoder 'projection', "
+                f"got {self.layers} and {self.encoder!r}; use 'gradients'"
+            )
         if not 0 <= self.pruning < 1:
             raise InputError(f"pruning: expected 0 or more and below 1, got {self.pruning}")
         for field in ("sparsity", "range_weight", "range_limit", "batch", "mixed_shapes"):
@@ -100,7 +113,7 @@ class ModelConfig:
 
 
 PRESETS: dict[str, ModelConfig] = {
-    "default": ModelConfig(),
+    "default": ModelConfig(method="factorisation", epochs=50, pruning=0.0),
     "paper": ModelConfig(
         name="paper",
         sparsity=0.5,
@@ -112,6 +125,7 @@ PRESETS: dict[str, ModelConfig] = {
         initial="random",
         pruning=0.0,
         encoder="network",
+        mirrored=False,
     ),
 }
 

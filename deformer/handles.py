@@ -412,8 +412,13 @@ class HandleSolver:
         objective, handles = self._objective, self.basis.by_landmarks()
         self._rests()
         self._correction = self._corrected_at = None
-        starts = self._starts(handles)
-        coarse = [objective.descend(handles, x, 40) for x in starts]
+        # From where one rigid motion is the cheaper, a descent cannot see that the other would be
+        # in the end: each is tried by itself.
+        coarse = [
+            sole.descend(handles, x, 40)
+            for sole in objective.apart()
+            for x in self._starts(sole, handles)
+        ]
         coarse.sort(key=lambda entry: entry[1])
         steps = sum(entry[2] for entry in coarse)
         finished = []
@@ -431,9 +436,8 @@ class HandleSolver:
         state, self._correction, self._corrected_at = best
         return state, steps
 
-    def _starts(self, handles: Handles) -> list[FloatArray]:
+    def _starts(self, objective: HandleObjective, handles: Handles) -> list[FloatArray]:
         """The prior's mean and the training codes that fit the handles best, rigidly placed."""
-        objective = self._objective
         zero = np.zeros(objective.size)
         if len(self.basis.vertices) == 0:
             return [zero]

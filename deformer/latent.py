@@ -5,8 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deformer.mesh import FloatArray
+
+# What `fit_prior` chooses from.
+_ALPHAS = np.array([0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9])
+_BETAS = np.array([1.0, 1.25, 1.5, 2.0])
+_SHARES = (0.0, 0.25, 0.5, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,30 +28,52 @@ class LatentPrior:
         return np.asarray(np.linalg.cholesky(self.covariance), dtype=np.float64)
 
 
-def fit_prior(codes: FloatArray) -> LatentPrior:
+def fit_prior(codes: FloatArray, images: FloatArray | None = None) -> LatentPrior:
     """Mean and shrunk covariance of latent codes (N, K).
 
-    The sample covariance S of few codes is singular; Σ = (1−α) S + α diag(S) + tiny I with the α
-    that gives held-out codes the highest likelihood (leave-out in up to ten groups).
+    The sample covariance S of few codes is singular, and too narrow for codes that it was not made
+    from; Σ = β ((1−α) S + α diag(S) + tiny I) with the α and β that give held-out codes the highest
+    likelihood (leave-out in up to ten groups).
+
+    Args:
+        codes: (N, K).
+        images: (N, K) codes of the shapes' mirror images. They count γ times as much as codes in
+            the mean and in S, with γ chosen as α and β are; an image is held out with its shape,
+            and only the likelihood of shapes counts.
     """
     N, K = codes.shape
-    mean = codes.mean(axis=0)
     floor = 1e-6 * max(float(codes.var(axis=0).mean()), 1e-12)
 
-    def shrunk(rows: FloatArray, alpha: float) -> FloatArray:
-        S = np.cov(rows, rowvar=False, bias=True).reshape(K, K)
+    def moments(kept: NDArray, share: float) -> tuple[FloatArray, FloatArray]:
+        rows, weights = codes[kept], np.ones(int(kept.sum()))
+        if images is not None and share:
+            rows = np.concatenate([rows, images[kept]])
+            weights = np.concatenate([weights, share * weights])
+        weights /= weights.sum()
+        mean = weights @ rows
+        away = rows - mean
+        return mean, (away * weights[:, None]).T @ away
+
+    def shrunk(S: FloatArray, alpha: float) -> FloatArray:
         variance = np.diag(S) + max(1e-2 * float(np.diag(S).mean()), floor)
         return (1.0 - alpha) * S + alpha * np.diag(variance)
 
-    alphas = np.array([0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9])
+    everything = np.ones(N, dtype=bool)
     if N < 4:
-        return LatentPrior(mean, shrunk(codes, 0.5) if N > 1 else np.eye(K))
-    groups = np.arange(N) % min(N, 10)
-    score = np.zeros(len(alphas))
-    for group in range(groups.max() + 1):
-        kept, left = codes[groups != group], codes[groups == group]
-        for a, alpha in enumerate(alphas):
-            L = np.linalg.cholesky(shrunk(kept, alpha))
-            y = np.linalg.solve(L, (left - kept.mean(axis=0)).T)
-            score[a] += 0.5 * (y**2).sum() + len(left) * np.log(np.diag(L)).sum()
-    return LatentPrior(mean, shrunk(codes, float(alphas[score.argmin()])))
+        mean, S = moments(everything, 0.0)
+        return LatentPrior(mean, shrunk(S, 0.5) if N > 1 else np.eye(K))
+    shares = _SHARES if images is not None else _SHARES[:1]
+    group = np.arange(N) % min(N, 10)
+    score = np.zeros((len(shares), len(_ALPHAS), len(_BETAS)))
+    for g in range(group.max() + 1):
+        left = codes[group == g]
+        for s, share in enumerate(shares):
+            mean, S = moments(group != g, share)
+            for a, alpha in enumerate(_ALPHAS):
+                L = np.linalg.cholesky(shrunk(S, alpha))
+                y = np.linalg.solve(L, (left - mean).T)
+                volume = np.log(np.diag(L)).sum() + 0.5 * K * np.log(_BETAS)
+                score[s, a] += 0.5 * (y**2).sum() / _BETAS + len(left) * volume
+    s, a, b = np.unravel_index(score.argmin(), score.shape)
+    mean, S = moments(everything, shares[s])
+    return LatentPrior(mean, _BETAS[b] * shrunk(S, float(_ALPHAS[a])))

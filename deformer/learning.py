@@ -4,27 +4,25 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from deformer.autoencoder import ModelConfig, resolve_config
+from deformer.checkpoints import has_checkpoint
 from deformer.decoder import Decoder
 from deformer.errors import InputError
+from deformer.factoring import factor
 from deformer.features import FeatureExtractor, FeatureScaler, extract_all
 from deformer.geodesics import Geodesics
 from deformer.latent import fit_prior
-from deformer.mesh import MeshSequence
+from deformer.mesh import FloatArray, MeshSequence
 from deformer.metrics import e_rms
+from deformer.mirroring import images_explain, mirror_images
 from deformer.model import DeformationModel, encode_features
 from deformer.placement import fit_placement
 from deformer.rotations import align
-from deformer.training import (
-    ProgressCallback,
-    TrainingProgress,
-    fit,
-    has_checkpoint,
-    resolve_device,
-)
+from deformer.training import ProgressCallback, TrainingProgress, fit, resolve_device
 
 
 def train(
@@ -93,21 +91,22 @@ def train(
             on_progress(TrainingProgress("features", done, total))
 
     q = extract_all(extractor, chosen, on_features)
+    if settings.mirrored:
+        q = _with_images(q, extractor, MeshSequence(chosen, shapes.faces))
     scaler = FeatureScaler.fit(q)
     x = scaler.scale(q)
     del q
-    result = fit(
-        x,
-        extractor.indptr,
-        extractor.rings,
-        Geodesics(base),
-        settings,
-        seed=seed,
-        device=device,
-        checkpoint=Path(checkpoint) if checkpoint is not None else None,
-        resume=resume,
-        on_progress=on_progress,
-    )
+    geodesics = Geodesics(base)
+    carried: dict[str, Any] = {
+        "checkpoint": Path(checkpoint) if checkpoint is not None else None,
+        "resume": resume,
+        "on_progress": on_progress,
+    }
+    mesh = extractor.indptr, extractor.rings, geodesics
+    if settings.method == "factorisation":
+        result = factor(x, scaler, *mesh, settings, **carried)
+    else:
+        result = fit(x, *mesh, settings, seed=seed, device=device, **carried)
     result.network.prune(settings.pruning)
     decoder = Decoder(result.network, scaler, extractor.indptr, extractor.rings)
     codes = encode_features(settings, result.network, scaler, decoder, scaler.unscale(x))
@@ -116,6 +115,7 @@ def train(
         "train": len(split["train"]),
         "test": len(split["test"]),
         "reference": reference,
+        "mirrored": len(x) > len(chosen),
         "up": up,
         "seed": seed,
         "epochs": result.epochs,
@@ -126,9 +126,9 @@ def train(
             result.reconstruction if np.isfinite(result.reconstruction) else None
         ),
     }
-    model = DeformationModel(
-        base, settings, scaler, result.network, codes, fit_prior(codes), split, summary
-    )
+    codes, images = codes[: len(chosen)], codes[len(chosen) :]
+    prior = fit_prior(codes, images if len(images) else None)
+    model = DeformationModel(base, settings, scaler, result.network, codes, prior, split, summary)
     decoded = model.decode(codes)
     summary["train_e_rms"] = e_rms(chosen, decoded)
     if held_out is not None:
@@ -136,3 +136,12 @@ def train(
             held_out = align(held_out, base.vertices)
         summary["test_e_rms"] = e_rms(held_out, model.decode(model.encode(held_out)))
     return replace(model, placement=fit_placement(decoded, chosen, base.bounding_diagonal))
+
+
+def _with_images(q: FloatArray, extractor: FeatureExtractor, shapes: MeshSequence) -> FloatArray:
+    """Features (N, V, 9), followed by those of the shapes' mirror images where these tell more."""
+    mirrored = extract_all(extractor, mirror_images(shapes)[0])
+    scaler = FeatureScaler.fit(q)
+    if not images_explain(scaler.scale(q), scaler.scale(mirrored)):
+        return q
+    return np.concatenate([q, mirrored])

@@ -407,7 +407,7 @@ def _assemble(folder: Path, data: dict[str, Any]) -> DeformationModel:
     except SafetensorError as error:
         raise InputError(f"{folder / 'weights.safetensors'}: unreadable ({error})") from error
     # Models from before there was a choice encode by their network.
-    config = ModelConfig(**{"encoder": "network", **data["config"]})
+    config = ModelConfig(**{"encoder": "network", "mirrored": False, **data["config"]})
     indptr, rings = one_rings(mesh.faces, len(mesh.vertices))
     network = MeshAutoencoder(indptr, rings, config.components, config.layers)
     network.load_state_dict(

@@ -6,7 +6,7 @@ in bounding diagonals, both of a rigid motion about the reference's centroid.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -150,6 +150,7 @@ class HandleObjective:
         weights: (H,).
         placement: s, or None where it is not known.
         freedom: factor on the deviations S of the rigid motion; None is the minimum above.
+        sole: the one of the minimum's terms that counts, 0 or 1; None is the minimum.
     """
 
     prior: LatentPrior
@@ -162,6 +163,7 @@ class HandleObjective:
     weights: FloatArray
     placement: Placement | None = None
     freedom: float | None = None
+    sole: int | None = None
 
     @classmethod
     def of(cls, model: DeformationModel, noise: float, rigid: bool) -> HandleObjective:
@@ -177,6 +179,10 @@ class HandleObjective:
             weights=np.zeros(0),
             placement=model.placement,
         )
+
+    def apart(self) -> list[HandleObjective]:
+        """One energy for each term of the rigid motion's minimum; this is the least of them."""
+        return [replace(self, sole=term) for term in range(len(self._stiffnesses))]
 
     @property
     def size(self) -> int:
@@ -285,10 +291,11 @@ class HandleObjective:
         code = np.ones(self.size - 6)
         if self.freedom is not None or self.placement is None:
             return [(np.concatenate([code, FREE.stiffness(self.freedom or 1.0)]), 0.0)]
-        return [
+        terms = [
             (np.concatenate([code, self.placement.stiffness()]), 0.0),
             (np.concatenate([code, FREE.stiffness()]), surprise(self.placement)),
         ]
+        return terms if self.sole is None else [terms[self.sole]]
 
     def _row_weights(self) -> FloatArray:
         return np.sqrt(self.weights) / (self.noise * self.diagonal)

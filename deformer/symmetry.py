@@ -13,6 +13,8 @@ from deformer.mesh import FloatArray, IntArray, Mesh
 
 _SAMPLES = 1500
 _ROUNDS = 30
+# Misfits below this, in bounding diagonals, are alike.
+_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +54,10 @@ def find_symmetry(mesh: Mesh) -> Symmetry:
     # A fixed draw: the same mesh has the same plane every time.
     some = np.random.default_rng(0).permutation(len(v))[:_SAMPLES]
     found = [_refined(tree, v[some], normal, centre) for normal in (*axes, *np.eye(3))]
-    return _paired(mesh, tree, *min(found, key=lambda plane: plane[2])[:2])
+    # Of planes that fit alike, the first: which one that is must not hang on rounding.
+    limit = 1.01 * min(plane[2] for plane in found) + (_ROUNDING * mesh.bounding_diagonal) ** 2
+    point, normal, _ = next(plane for plane in found if plane[2] <= limit)
+    return _paired(mesh, tree, point, normal)
 
 
 def symmetry_about(mesh: Mesh, point: ArrayLike, normal: ArrayLike) -> Symmetry:

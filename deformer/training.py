@@ -1,11 +1,8 @@
-"""The training loop: Adam, checkpoints, interruption and exact resuming."""
+"""Training by gradients: Adam, checkpoints, interruption and exact resuming."""
 
 from __future__ import annotations
 
-import json
 import math
-import signal
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,25 +11,22 @@ from typing import Any
 
 import numpy as np
 import torch
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from deformer import losses
 from deformer.autoencoder import MeshAutoencoder, ModelConfig
+from deformer.checkpoints import load_checkpoint, save_checkpoint
 from deformer.errors import InputError
 from deformer.geodesics import Geodesics
-from deformer.io import atomic_path
+from deformer.interrupts import DeferredInterrupt
 from deformer.mesh import FloatArray, IntArray
 
-_CHECKPOINT_SECONDS = 30.0
+CHECKPOINT_SECONDS = 30.0
 # Copying the weights costs as much as a third of a step on small sets.
 _BEST_EVERY = 10
 # Mixed shapes that the principal components are taken from, beside the examples.
 _INITIAL_MIXED = 128
 _WARM_UP = 30
-_CHECKPOINT_FORMAT = 1
-_CHECKPOINT_FILE = "checkpoint.json"
 
 
 @dataclass(frozen=True)
@@ -65,11 +59,6 @@ class TrainingResult:
     epochs: int
     seconds: float
     interrupted: bool
-
-
-def has_checkpoint(folder: str | Path) -> bool:
-    """Whether `folder` holds something to resume."""
-    return (Path(folder) / _CHECKPOINT_FILE).is_file()
 
 
 def resolve_device(device: str) -> torch.device:
@@ -118,26 +107,6 @@ class _Mixer:
         return torch.lerp(a, b, weight)
 
 
-class _DeferredInterrupt:
-    """Turns Ctrl-C into a flag, so that a step is never cut in half; a second one is immediate."""
-
-    def __enter__(self) -> _DeferredInterrupt:
-        self.asked = False
-        # Signals can only be handled in the main thread; elsewhere Ctrl-C goes to that one anyway.
-        self._main = threading.current_thread() is threading.main_thread()
-        if self._main:
-            self._previous = signal.signal(signal.SIGINT, self._ask)
-        return self
-
-    def _ask(self, number: int, frame: object) -> None:
-        self.asked = True
-        signal.signal(signal.SIGINT, self._previous)
-
-    def __exit__(self, *error: object) -> None:
-        if self._main and not self.asked:
-            signal.signal(signal.SIGINT, self._previous)
-
-
 class _Run:
     """Everything that a checkpoint has to hold."""
 
@@ -170,51 +139,22 @@ class _Run:
     def save(self, folder: Path) -> None:
         tensors: dict[str, Tensor] = {}
         for name, value in self.network.state_dict().items():
-            tensors[f"network.{name}"] = value.contiguous()
-            tensors[f"best.{name}"] = self.best[name].contiguous()
+            tensors[f"network.{name}"] = value
+            tensors[f"best.{name}"] = self.best[name]
         for index, state in self.optimiser.state_dict()["state"].items():
             for name, value in state.items():
-                tensors[f"adam.{index}.{name}"] = value.contiguous()
+                tensors[f"adam.{index}.{name}"] = value
         tensors["generator"] = self.generator.get_state()
         status = {
-            "format": _CHECKPOINT_FORMAT,
-            "identity": self.identity,
             "epoch": self.epoch,
             "seconds": self.seconds,
             "loss": self.loss,
             "reconstruction": self.reconstruction,
         }
-        folder.mkdir(parents=True, exist_ok=True)
-        # Both files carry the epoch in their name; the JSON is renamed last and names its tensors,
-        # so that a crash between the two leaves the previous pair valid.
-        name = f"epoch-{self.epoch:07d}.safetensors"
-        with atomic_path(folder / name) as path:
-            save_file({k: v.cpu() for k, v in tensors.items()}, path)
-        with atomic_path(folder / _CHECKPOINT_FILE) as path:
-            path.write_text(json.dumps({**status, "tensors": name}, indent=1) + "\n")
-        for old in folder.glob("epoch-*.safetensors"):
-            if old.name != name:
-                old.unlink()
+        save_checkpoint(folder, self.identity, status, tensors)
 
-    def load(self, folder: Path) -> None:
-        where = folder / _CHECKPOINT_FILE
-        if not where.is_file():
-            raise InputError(f"{where}: no checkpoint to resume; start without --resume")
-        try:
-            status = json.loads(where.read_text())
-            tensors = load_file(folder / status["tensors"])
-        except (ValueError, KeyError, OSError, SafetensorError) as error:
-            raise InputError(f"{where}: not a readable checkpoint ({error}); delete it") from error
-        if status["format"] != _CHECKPOINT_FORMAT or status["identity"] != self.identity:
-            differing = [
-                key
-                for key, value in self.identity.items()
-                if status.get("identity", {}).get(key) != value
-            ]
-            raise InputError(
-                f"{where}: made with other {', '.join(differing) or 'software'}; "
-                "resume with the same shapes and options, or delete it"
-            )
+    def load(self, folder: Path | None) -> None:
+        status, tensors = load_checkpoint(folder, self.identity)
         state: dict[int, dict[str, Tensor]] = {}
         for name, value in tensors.items():
             if name.startswith("adam."):
@@ -233,6 +173,12 @@ class _Run:
 
 def _with_prefix(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
     return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
+
+
+def identity_of(x: FloatArray, config: ModelConfig, seed: int) -> dict[str, Any]:
+    """What decides a run on scaled features (N, V, 9); a checkpoint is good for no other."""
+    shapes = [*x.shape, float(np.abs(x).sum()), float(x.std())]
+    return {"config": config.as_dict(), "seed": seed, "shapes": shapes}
 
 
 def fit(
@@ -272,11 +218,7 @@ def fit(
     network = MeshAutoencoder(indptr, rings, config.components, config.layers).to(target)
     optimiser = torch.optim.Adam(network.parameters(), lr=config.learning_rate, fused=True)
     shapes = torch.as_tensor(np.swapaxes(x, 0, 1), dtype=torch.float32).contiguous().to(target)
-    identity = {
-        "config": config.as_dict(),
-        "seed": seed,
-        "shapes": [*x.shape, float(np.abs(x).sum()), float(x.std())],
-    }
+    identity = identity_of(x, config, seed)
     generator = torch.Generator().manual_seed(seed)
     mixer = _Mixer(shapes, geodesics, generator) if config.mixed_shapes and len(x) > 1 else None
     if config.initial == "pca" and not resume:
@@ -287,15 +229,13 @@ def fit(
         with torch.no_grad():
             run.mean = network.mean(shapes)
     if resume:
-        if checkpoint is None:
-            raise InputError("resume: a checkpoint folder is needed")
         run.load(checkpoint)
     locality = losses.Locality(geodesics, config.d_min, config.d_max)
     saved = begun = time.monotonic()
     spent_before = run.seconds
     interrupted = False
     try:
-        with _DeferredInterrupt() as interrupt:
+        with DeferredInterrupt() as interrupt:
             while run.epoch < config.epochs and not interrupt.asked:
                 terms = _step(run, shapes, config, locality)
                 run.epoch += 1
@@ -305,7 +245,7 @@ def fit(
                     on_progress(
                         TrainingProgress("training", run.epoch, config.epochs, loss, *terms)
                     )
-                if checkpoint is not None and time.monotonic() - saved > _CHECKPOINT_SECONDS:
+                if checkpoint is not None and time.monotonic() - saved > CHECKPOINT_SECONDS:
                     run.save(checkpoint)
                     saved = time.monotonic()
         interrupted = interrupt.asked

@@ -13,11 +13,12 @@ APPLICATION = ROOT / "app" / "deformer_app"
 
 # A module imports only from modules before it in this list: the one place to add a new one.
 ORDER = [
-    "errors", "parallel", "mesh",
+    "errors", "parallel", "interrupts", "mesh",
     "_atomic", "_json_files", "_parsing", "_obj", "_off", "_ply", "_stl", "_glb", "io", "doctor",
     "geodesics", "rotations", "metrics", "symmetry", "strain",
-    "rotation_field", "dissection", "cholesky", "features", "differentials", "poisson",
-    "autoencoder", "decoder", "losses", "training", "latent", "placement", "naming", "model",
+    "rotation_field", "dissection", "cholesky", "features", "differentials", "poisson", "mirroring",
+    "autoencoder", "decoder", "losses", "localised", "checkpoints", "training",
+    "factoring", "latent", "placement", "naming", "model",
     "activations", "components", "synthesis", "interpolation", "learning",
     "lanes", "packed", "surface", "landmarks", "objective", "basis", "handles", "uncertainty",
     "frames", "torch_frames", "sequence", "baselines", "evaluation",

@@ -8,12 +8,12 @@ import pytest
 
 from deformer.baselines._connection import Connection
 from deformer.baselines._edge_space import EdgeDeformation, EdgeSpace, _Fit, laid_on
-from deformer.baselines._localised import LocalisedSettings
 from deformer.baselines._shell import Shell
 from deformer.baselines.edges import EdgeSplocs
 from deformer.errors import InputError
 from deformer.io import load_shapes
 from deformer.latent import LatentPrior
+from deformer.localised import LocalisedSettings
 from deformer.mesh import Mesh, MeshSequence
 from deformer.metrics import e_rms
 from deformer.poisson import PoissonSystem

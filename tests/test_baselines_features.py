@@ -9,7 +9,6 @@ from deformer.baselines import _data_driven
 from deformer.baselines._checks import checked_handles, checked_shapes
 from deformer.baselines._data_driven import DataDrivenDeformation, _Control, _Fit
 from deformer.baselines._gradient_space import GradientSpace
-from deformer.baselines._localised import LocalisedSettings
 from deformer.baselines._noise import choose_noise
 from deformer.baselines.acap import AcapSplocs
 from deformer.baselines.autoencoder import Autoencoder
@@ -19,6 +18,7 @@ from deformer.errors import InputError
 from deformer.features import FeatureExtractor, extract_all, features_to_gradients
 from deformer.geodesics import Geodesics
 from deformer.latent import LatentPrior, fit_prior
+from deformer.localised import LocalisedSettings
 from deformer.mesh import MeshSequence
 from deformer.metrics import e_rms
 from deformer.poisson import PoissonSystem

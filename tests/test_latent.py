@@ -66,3 +66,35 @@ def test_shrinking_makes_unseen_codes_likelier():
     plain = np.cov(train, rowvar=False, bias=True)
     assert surprise(prior.covariance) < surprise(plain + 1e-3 * np.eye(20))
     assert surprise(prior.covariance) < surprise(np.eye(20) * np.diag(plain).mean() * 10)
+
+
+def test_likely_codes_are_those_unseen():
+    """From few codes, the squared distance of others is about K: neither proud nor shy."""
+    rng = np.random.default_rng(4)
+    truth = correlated(12, rng)
+    ratios = []
+    for _ in range(20):
+        train, test = np.split(rng.multivariate_normal(np.zeros(12), truth, size=420), [20])
+        prior = fit_prior(train)
+        away = np.linalg.solve(prior.factor, (test - prior.mean).T)
+        ratios.append((away**2).mean())
+    assert 0.7 < np.mean(ratios) < 1.3
+
+
+def test_images_count_where_they_tell_of_codes():
+    """Images drawn as the codes are make others likelier; images from elsewhere are left out."""
+    rng = np.random.default_rng(5)
+    truth = correlated(10, rng)
+    codes, alike, others = np.split(
+        rng.multivariate_normal(np.zeros(10), truth, size=1024), [12, 24]
+    )
+    foreign = 30.0 + rng.normal(size=codes.shape)
+    plain = fit_prior(codes)
+    np.testing.assert_array_equal(fit_prior(codes, foreign).covariance, plain.covariance)
+    np.testing.assert_array_equal(fit_prior(codes, foreign).mean, plain.mean)
+
+    def surprise(prior):
+        away = np.linalg.solve(prior.factor, (others - prior.mean).T)
+        return 0.5 * (away**2).sum(axis=0).mean() + np.log(np.diag(prior.factor)).sum()
+
+    assert surprise(fit_prior(codes, alike)) < surprise(plain)

@@ -123,8 +123,8 @@ def test_without_smoothness_every_frame_is_a_solve_of_its_own(name, rigid):
     for f in range(len(goals)):
         solver.set_handles(handles, goals[f], weights[f])
         pose = solver.solve()
-        assert largest(fit.vertices[f] - pose.vertices) < 1e-3 * diagonal
-        assert energy[f] < 1.003 * pose.energy
+        assert largest(fit.vertices[f] - pose.vertices) < 2e-3 * diagonal
+        assert energy[f] < 1.005 * pose.energy
 
 
 @pytest.mark.parametrize(("smoothness", "angle"), [(1.0, 0.0), (100.0, 0.0), (10.0, 2.5)])
@@ -298,7 +298,7 @@ def test_few_frames(model, diagonal, truth, count, hard):
     fit = fit_sequence(model, HANDLES, truth[:count, HANDLES], hard=hard)
     assert largest(fit.vertices - truth[:count]) < 0.02 * diagonal
     if count == 1:
-        solver = HandleSolver(model, relaxation=2)
+        solver = HandleSolver(model, relaxation=2, freedom=1.0)
         solver.set_handles(HANDLES, truth[0, HANDLES], hard=hard)
         assert largest(fit.vertices[0] - solver.solve().vertices) < 2e-3 * diagonal
 

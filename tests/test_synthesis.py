@@ -67,7 +67,7 @@ def test_linear_counterparts_agree_at_one_component_and_are_linear(model, synthe
 
     both = made({0: 0.4, 3: -0.3}) - made({})
     apart = made({0: 0.4}) - made({}) + made({3: -0.3}) - made({})
-    np.testing.assert_allclose(both, apart, atol=1e-9 if way == "linear" else 1e-2)
+    np.testing.assert_allclose(both, apart, atol=1e-9 if way == "linear" else 2e-2)
 
 
 def test_the_latent_way_is_not_linear(model, synthesis):

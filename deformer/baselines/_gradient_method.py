@@ -17,12 +17,12 @@ from deformer.baselines._checks import (
 )
 from deformer.baselines._data_driven import DataDrivenDeformation
 from deformer.baselines._gradient_space import GradientSpace
-from deformer.baselines._localised import LocalisedSettings, localised_components
 from deformer.baselines._noise import HandleFit, choose_noise
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor, FeatureScaler
 from deformer.geodesics import Geodesics
 from deformer.latent import fit_prior
+from deformer.localised import LocalisedSettings, localised_components
 from deformer.mesh import FloatArray, IntArray, MeshSequence
 from deformer.poisson import PoissonSystem
 

@@ -15,13 +15,13 @@ from deformer.baselines._checks import (
     checked_training,
 )
 from deformer.baselines._edge_space import EdgeDeformation, EdgeSpace
-from deformer.baselines._localised import LocalisedSettings, localised_components
 from deformer.baselines._noise import HandleFit, choose_noise
 from deformer.baselines._shell import Shell
 from deformer.baselines.method import Space
 from deformer.errors import InputError
 from deformer.geodesics import Geodesics
 from deformer.latent import fit_prior
+from deformer.localised import LocalisedSettings, localised_components
 from deformer.mesh import FloatArray, IntArray, MeshSequence
 from deformer.poisson import PoissonSystem
 from deformer.rotations import log_to_rotation, procrustes, rotation_to_log

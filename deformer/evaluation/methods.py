@@ -14,10 +14,10 @@ from deformer.baselines import METHODS
 from deformer.baselines.autoencoder import Autoencoder
 from deformer.baselines.linear_components import LinearComponents
 from deformer.baselines.method import Poser
+from deformer.checkpoints import has_checkpoint
 from deformer.learning import train
 from deformer.mesh import MeshSequence
 from deformer.model import DeformationModel, load_model
-from deformer.training import has_checkpoint
 
 
 @dataclass(frozen=True)

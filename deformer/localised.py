@@ -6,12 +6,11 @@ on M sites (vertices, edges) with D numbers each.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy.linalg import cho_factor, cho_solve
+from numpy.typing import ArrayLike, NDArray
 
 from deformer.errors import InputError
 from deformer.losses import locality_row
@@ -114,12 +113,10 @@ def localised_components(
     if count < 1:
         raise InputError(f"components: expected at least 1, got {count}")
     unit = float(np.sqrt((X**2).mean())) or 1.0
-    problem = _Problem(X / unit, distances, count, settings)
+    problem = Factorisation(X / unit, distances, count, settings)
     objective = [problem.objective()]
     for _ in range(settings.rounds):
-        problem.fit_weights()
-        problem.move_centres()
-        problem.fit_components()
+        problem.round()
         objective.append(problem.objective())
         if objective[-2] - objective[-1] <= settings.tolerance * objective[-2]:
             break
@@ -127,25 +124,51 @@ def localised_components(
     return Localised(components, problem.W, problem.centres, np.array(objective))
 
 
-class _Problem:
-    """The unknowns W (N, K), C (K, M·D), the centres, and the three steps that improve them."""
+class Factorisation:
+    """The unknowns W (N, K), C (K, M·D), the centres, and the three steps that improve them.
+
+    Works in the precision of the data. `state` and `restore` carry a run over to another process.
+
+    Args:
+        X: (N, M, D) of unit variance.
+        distances, count, settings: as `localised_components` takes them.
+    """
 
     def __init__(
-        self, X: FloatArray, distances: Distances, count: int, settings: LocalisedSettings
+        self, X: NDArray, distances: Distances, count: int, settings: LocalisedSettings
     ) -> None:
         """Start by greedy deflation."""
         N, self._sites, D = X.shape
         self._X = X.reshape(N, -1)
+        self._squares = float(np.einsum("nm,nm->", self._X, self._X, dtype=np.float64))
         self._distances = distances
         self._settings = settings
-        self.W = np.zeros((N, count))
-        self.C = np.zeros((count, self._sites * D))
+        self.W = np.zeros((N, count), dtype=X.dtype)
+        self.C = np.zeros((count, self._sites * D), dtype=X.dtype)
         self.centres: IntArray = np.zeros(count, dtype=np.int64)
-        self._penalty = np.zeros((count, self._sites))
+        self._penalty = np.zeros((count, self._sites), dtype=X.dtype)
         self._dual = np.zeros_like(self.C)
         self._deflate(X.copy())
 
-    def _deflate(self, residual: FloatArray) -> None:
+    def round(self) -> None:
+        """One improvement of weights, centres and components."""
+        self.fit_weights()
+        self.move_centres()
+        self.fit_components()
+
+    @property
+    def state(self) -> dict[str, np.ndarray]:
+        """All that later rounds depend on."""
+        return {"W": self.W, "C": self.C, "centres": self.centres, "dual": self._dual}
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Go on from a `state` of the same problem."""
+        self.W, self.C, self._dual = (state[name].copy() for name in ("W", "C", "dual"))
+        self.centres = state["centres"].copy()
+        for k, site in enumerate(self.centres.tolist()):
+            self._penalty[k] = self._settings.sparsity * self._locality(site)
+
+    def _deflate(self, residual: NDArray) -> None:
         for k in range(len(self.C)):
             site = int((residual**2).sum((0, 2)).argmax())
             left, scale, _ = np.linalg.svd(residual[:, site], full_matrices=False)
@@ -171,12 +194,23 @@ class _Problem:
         return weight / (largest or 1.0)
 
     def _lengths(self, C: FloatArray) -> FloatArray:
-        return np.sqrt((C.reshape(len(C), self._sites, -1) ** 2).sum(2))
+        sites = C.reshape(len(C), self._sites, -1)
+        return np.sqrt(np.einsum("kmd,kmd->km", sites, sites))
+
+    def terms(self) -> tuple[float, float]:
+        """½‖X − W C‖² and Σ_k Σ_i λ Λ_ki ‖C_ki‖₂."""
+        return self._terms(self.C, self.W.T @ self.W, self.W.T @ self._X)
 
     def objective(self) -> float:
-        """½‖X − W C‖² + Σ_k Σ_i λ Λ_ki ‖C_ki‖₂."""
-        misfit = ((self._X - self.W @ self.C) ** 2).sum() / 2
-        return float(misfit + (self._penalty * self._lengths(self.C)).sum())
+        """The sum of `terms`."""
+        return sum(self.terms())
+
+    def _terms(self, C: FloatArray, gram: FloatArray, against: FloatArray) -> tuple[float, float]:
+        """`terms` of other components C, from Wᵀ W and Wᵀ X: no residual is formed."""
+        cross = float(np.einsum("km,km->", against, C, dtype=np.float64))
+        own = float((gram.astype(np.float64) * (C @ C.T)).sum())
+        charge = float((self._penalty * self._lengths(C)).sum(dtype=np.float64))
+        return max(0.0, 0.5 * (self._squares - 2.0 * cross + own)), charge
 
     def fit_weights(self) -> None:
         """One sweep over the columns of W, each to its best in range, scaling C_k where it helps.
@@ -219,17 +253,17 @@ class _Problem:
     def fit_components(self) -> None:
         """Components for the present weights and centres: ADMM, the dual kept between rounds."""
         gram, against = self.W.T @ self.W, self.W.T @ self._X
-        factor = cho_factor(gram + _PENALTY * np.eye(len(gram)))
+        inverse = np.linalg.inv(gram + _PENALTY * np.eye(len(gram), dtype=gram.dtype))
+        fixed, moving = inverse @ against, _PENALTY * inverse
         Z, U = self.C, self._dual
         for _ in range(_ADMM_ITERATIONS):
-            C = cho_solve(factor, against + _PENALTY * (Z - U), check_finite=False)
-            Z = self._shrunk(C + U)
-            U = U + C - Z
+            C = fixed + moving @ (Z - U)
+            C += U
+            Z = self._shrunk(C)
+            U = C - Z
         self._dual = U
-        before, previous = self.objective(), self.C
-        self.C = Z
-        if self.objective() > before:
-            self.C = previous
+        if sum(self._terms(Z, gram, against)) <= sum(self._terms(self.C, gram, against)):
+            self.C = Z
 
     def _shrunk(self, C: FloatArray) -> FloatArray:
         """Proximal map of λ Λ_ki ‖·‖₂ / ρ: sites shorter than the charge vanish."""

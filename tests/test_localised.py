@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from deformer.baselines._localised import LocalisedSettings, _Problem, localised_components
 from deformer.errors import InputError
+from deformer.localised import Factorisation, LocalisedSettings, localised_components
 
 SITES = 60
 LINE = np.linspace(0.0, 1.0, SITES)
@@ -64,7 +64,7 @@ def test_objective_never_rises_and_weights_keep_their_range(signed):
 def test_no_step_raises_the_objective():
     data = 3.0 * noise(seed=4)
     for signed in (True, False):
-        problem = _Problem(data, distances, 6, LocalisedSettings(sparsity=5.0, signed=signed))
+        problem = Factorisation(data, distances, 6, LocalisedSettings(sparsity=5.0, signed=signed))
         value = problem.objective()
         for _ in range(20):
             for step in (problem.fit_weights, problem.move_centres, problem.fit_components):
@@ -75,7 +75,7 @@ def test_no_step_raises_the_objective():
 
 def test_weights_and_component_are_scaled_together():
     data = noise()
-    problem = _Problem(data, distances, 1, LocalisedSettings(sparsity=0.0))
+    problem = Factorisation(data, distances, 1, LocalisedSettings(sparsity=0.0))
     along = problem.C[0] / np.linalg.norm(problem.C[0])
     problem.C *= 3.0
     problem.fit_weights()

@@ -1,0 +1,77 @@
+"""Checkpoints: a JSON status and the tensors it names, never half written."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+from torch import Tensor
+
+from deformer._atomic import atomic_path
+from deformer.errors import InputError
+
+_FORMAT = 1
+_FILE = "checkpoint.json"
+
+
+def has_checkpoint(folder: str | Path) -> bool:
+    """Whether `folder` holds something to resume."""
+    return (Path(folder) / _FILE).is_file()
+
+
+def save_checkpoint(
+    folder: Path, identity: dict[str, Any], status: dict[str, Any], tensors: dict[str, Tensor]
+) -> None:
+    """Replace the folder's checkpoint.
+
+    Args:
+        folder: made where it is missing.
+        identity: what a run has to agree with to go on from here; JSON values.
+        status: JSON values, among them the "epoch".
+        tensors: everything else.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    # Both files carry the epoch in their name; the JSON is renamed last and names its tensors, so
+    # that a crash between the two leaves the previous pair valid.
+    name = f"epoch-{status['epoch']:07d}.safetensors"
+    with atomic_path(folder / name) as path:
+        save_file({k: v.contiguous().cpu() for k, v in tensors.items()}, path)
+    text = json.dumps(
+        {"format": _FORMAT, "identity": identity, **status, "tensors": name}, indent=1
+    )
+    with atomic_path(folder / _FILE) as path:
+        path.write_text(text + "\n")
+    for old in folder.glob("epoch-*.safetensors"):
+        if old.name != name:
+            old.unlink()
+
+
+def load_checkpoint(
+    folder: Path | None, identity: dict[str, Any]
+) -> tuple[dict[str, Any], dict[str, Tensor]]:
+    """Status and tensors of the folder's checkpoint.
+
+    Raises:
+        InputError: there is none, it is damaged, or it is of another identity.
+    """
+    if folder is None:
+        raise InputError("resume: a checkpoint folder is needed")
+    where = folder / _FILE
+    if not where.is_file():
+        raise InputError(f"{where}: no checkpoint to resume; start without --resume")
+    try:
+        status = json.loads(where.read_text())
+        tensors = load_file(folder / status["tensors"])
+        known, written = status["format"], status["identity"]
+    except (ValueError, KeyError, OSError, SafetensorError) as error:
+        raise InputError(f"{where}: not a readable checkpoint ({error}); delete it") from error
+    if known != _FORMAT or written != identity:
+        differing = [key for key, value in identity.items() if written.get(key) != value]
+        raise InputError(
+            f"{where}: made with other {', '.join(differing) or 'software'}; "
+            "resume with the same shapes and options, or delete it"
+        )
+    return status, tensors

@@ -1,0 +1,127 @@
+"""Training by alternating least squares: the components of the default configuration.
+
+Where the encoder is a projection the network is its decoder alone, x = tanh(C z + b). In front of
+the tanh that is a factorisation, and a factorisation has better steps than gradients: codes and
+components are each the best for the other in turn, with the sparse localised components of
+`localised.Factorisation`.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from deformer.autoencoder import FEATURES, MeshAutoencoder, ModelConfig
+from deformer.checkpoints import load_checkpoint, save_checkpoint
+from deformer.features import FeatureScaler
+from deformer.geodesics import Geodesics
+from deformer.interrupts import DeferredInterrupt
+from deformer.localised import Factorisation, LocalisedSettings
+from deformer.mesh import FloatArray, IntArray
+from deformer.training import (
+    CHECKPOINT_SECONDS,
+    ProgressCallback,
+    TrainingProgress,
+    TrainingResult,
+    identity_of,
+)
+
+# Scaled features beyond this count as this much: there the tanh says nothing any more.
+_SATURATED = 0.99
+
+
+def factor(
+    x: FloatArray,
+    scaler: FeatureScaler,
+    indptr: IntArray,
+    rings: IntArray,
+    geodesics: Geodesics,
+    config: ModelConfig,
+    *,
+    checkpoint: Path | None = None,
+    resume: bool = False,
+    on_progress: ProgressCallback | None = None,
+) -> TrainingResult:
+    """Train a network of one layer on scaled features; nothing is random.
+
+    Args:
+        x: (N, V, 9) scaled features of the training shapes.
+        scaler: their scaling; the undeformed shape's features become the decoder's bias.
+        indptr, rings: one-rings of the reference.
+        geodesics: distances over the reference, for Λ.
+        config: `epochs` counts rounds of codes, centres and components; `sparsity` is λ₁ for data
+            of unit variance.
+        checkpoint: folder written every half minute and on interruption, or None.
+        resume: continue from `checkpoint`; every number comes out as without the stop.
+        on_progress: called after every round.
+
+    Returns:
+        The network. Ctrl-C ends the training early, after the round under way; the checkpoint is
+        saved and the network so far returned.
+    """
+    bias = np.arctanh(scaler.scale(_UNDEFORMED))
+    data = (np.arctanh(np.clip(x, -_SATURATED, _SATURATED)) - bias).astype(np.float32)
+    unit = float(np.sqrt((data**2).mean())) or 1.0
+    data /= unit
+    settings = LocalisedSettings(config.sparsity, config.d_min, config.d_max)
+    run = Factorisation(data, geodesics.normalised_row, config.components, settings)
+    identity = identity_of(x, config, 0)
+    epoch, seconds = 0, 0.0
+    if resume:
+        status, tensors = load_checkpoint(checkpoint, identity)
+        run.restore({name: tensor.numpy() for name, tensor in tensors.items()})
+        epoch, seconds = status["epoch"], status["seconds"]
+    saved = begun = time.monotonic()
+    spent_before = seconds
+    terms = run.terms()
+    interrupted = False
+
+    def save() -> None:
+        if checkpoint is not None:
+            status = {"epoch": epoch, "seconds": seconds}
+            tensors = {name: torch.from_numpy(array) for name, array in run.state.items()}
+            save_checkpoint(checkpoint, identity, status, tensors)
+
+    try:
+        with DeferredInterrupt() as interrupt:
+            while epoch < config.epochs and not interrupt.asked:
+                run.round()
+                epoch += 1
+                seconds = spent_before + time.monotonic() - begun
+                terms = run.terms()
+                if on_progress is not None:
+                    progress = "training", epoch, config.epochs, sum(terms), *terms
+                    on_progress(TrainingProgress(*progress))
+                if time.monotonic() - saved > CHECKPOINT_SECONDS:
+                    save()
+                    saved = time.monotonic()
+        interrupted = interrupt.asked
+    except KeyboardInterrupt:  # from the callback: between two rounds, too
+        interrupted = True
+    if interrupted:
+        save()
+    network = _network(run, unit, bias, indptr, rings)
+    return TrainingResult(network, sum(terms), terms[0], epoch, seconds, interrupted)
+
+
+# Features of a vertex that neither turns nor stretches.
+_UNDEFORMED = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
+
+
+def _network(
+    run: Factorisation, unit: float, bias: FloatArray, indptr: IntArray, rings: IntArray
+) -> MeshAutoencoder:
+    """The autoencoder whose decoder is tanh(C z + bias)."""
+    K = len(run.C)
+    network = MeshAutoencoder(indptr, rings, K, (FEATURES,))
+    (conv,) = network.layers
+    with torch.no_grad():
+        conv.point.copy_(torch.eye(FEATURES))
+        conv.neighbour.zero_()
+        conv.bias_back.copy_(torch.from_numpy(bias))
+        components = run.C.reshape(K, -1, FEATURES).transpose(1, 2, 0) * unit
+        network.C.copy_(torch.from_numpy(np.ascontiguousarray(components)))
+    return network.eval()

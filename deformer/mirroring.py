@@ -1,0 +1,108 @@
+"""Mirror images of example shapes: a symmetric body can also do on the left what it did right."""
+
+from __future__ import annotations
+
+import igl
+import numpy as np
+
+from deformer.features import FeatureExtractor, extract_all, features_to_gradients
+from deformer.mesh import FloatArray, IntArray, Mesh, MeshSequence
+from deformer.poisson import PoissonSystem
+from deformer.symmetry import Symmetry, find_symmetry
+
+# Shapes that are looked at for the most symmetric one, evenly spread.
+_LOOKED_AT = 16
+# Examples, evenly spread, that mirror images are tried on; how much of what the other examples
+# leave of them has to vanish; and the ridge of that trial, as a share of the mean squared length.
+_TRIED = 64
+_GAIN = 0.1
+_RIDGE = 0.01
+
+
+def mirror_images(shapes: MeshSequence) -> tuple[FloatArray, Symmetry]:
+    """Every shape (N, V, 3) mirrored, with the vertices where the connectivity has them.
+
+    Example shapes hold poses in which left and right differ, of bodies that are never quite
+    symmetric. So the deformation against the most symmetric shape s is mirrored and not the
+    surface: its gradient at a vertex is that at the point of s opposite to it, reflected. What
+    differs between the two halves of s stays where it is.
+
+    Args:
+        shapes: N shapes.
+
+    Returns:
+        The images, and the symmetry of s.
+    """
+    V = shapes.vertices
+    planes = [(find_symmetry(shapes.mesh(n)), n) for n in _spread(len(V), _LOOKED_AT)]
+    # Of shapes that are as symmetric, the first, whatever the rounding.
+    limit = 1.01 * min(plane.error for plane, _ in planes) + 1e-6
+    plane, n = next(entry for entry in planes if entry[0].error <= limit)
+    rest = shapes.mesh(n)
+    corners, weights = _opposite_points(rest, plane)
+    reflection = np.eye(3) - 2.0 * np.outer(plane.normal, plane.normal)
+    poisson = PoissonSystem(rest)
+    q = extract_all(FeatureExtractor(rest), V)
+    images = np.empty_like(V)
+    for image, features, shape in zip(images, q, V, strict=True):
+        there = np.einsum("vc,vcd->vd", weights, features[corners])
+        T = reflection @ features_to_gradients(there) @ reflection
+        image[:] = poisson.solve(T)
+        image += plane.mirror(shape.mean(axis=0)) - image.mean(axis=0)
+    return images, plane
+
+
+def images_explain(x: FloatArray, images: FloatArray) -> bool:
+    """Whether mirror images say something about examples that the other examples do not.
+
+    Each example is rebuilt by ridge regression from all others, and from those and their images;
+    its own image counts as itself. Images of a body that has no symmetry, or whose motion has none,
+    are of no more use than noise: what is left does not shrink.
+
+    Args:
+        x, images: (N, V, 9) scaled features.
+    """
+    some = _spread(len(x), _TRIED)
+    plain, mirrored = (a[some].reshape(len(some), -1) for a in (x, images))
+    own = np.arange(len(some))
+    left = _unexplained(plain, plain, own)
+    both = _unexplained(plain, np.concatenate([plain, mirrored]), np.concatenate([own, own]))
+    return bool(both < (1.0 - _GAIN) * left)
+
+
+def _unexplained(x: FloatArray, basis: FloatArray, own: IntArray) -> float:
+    """Squared length that is left of all x (n, m) by the rows of a basis (b, m) of others.
+
+    Row r of the basis belongs to example own[r], for which it does not count.
+    """
+    G, g, squares = basis @ basis.T, x @ basis.T, (x**2).sum(axis=1)
+    total = 0.0
+    for n in range(len(x)):
+        k = np.flatnonzero(own != n)
+        # About the mean of the rows that count, through inner products alone.
+        centred = G[np.ix_(k, k)]
+        means, mean = centred.mean(axis=0), centred.mean()
+        centred = centred - means - means[:, None] + mean
+        goal = g[n, k] - means - g[n, k].mean() + mean
+        length = squares[n] - 2.0 * g[n, k].mean() + mean
+        ridge = _RIDGE * np.trace(centred) / len(k)
+        weights = np.linalg.solve(centred + max(ridge, 1e-12) * np.eye(len(k)), goal)
+        total += float(length - 2.0 * weights @ goal + weights @ centred @ weights)
+    return total
+
+
+def _spread(count: int, wanted: int) -> list[int]:
+    """Indices of at most so many of `count` entries, evenly spread."""
+    return np.unique(np.linspace(0, count - 1, wanted).round().astype(int)).tolist()
+
+
+def _opposite_points(mesh: Mesh, plane: Symmetry) -> tuple[IntArray, FloatArray]:
+    """The point of the surface nearest to each vertex's mirror image: corners, weights (V, 3)."""
+    image = plane.mirror(mesh.vertices)
+    faces = np.ascontiguousarray(mesh.faces, dtype=np.int64)
+    _, face, point = igl.point_mesh_squared_distance(image, mesh.vertices, faces)
+    corners = faces[np.asarray(face)]
+    weights = igl.barycentric_coordinates(
+        np.asarray(point), *(mesh.vertices[corners[:, c]] for c in range(3))
+    )
+    return corners, np.clip(np.nan_to_num(weights, nan=1.0 / 3.0), 0.0, 1.0)

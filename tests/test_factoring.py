@@ -1,0 +1,117 @@
+"""Truths of training by alternating least squares: monotone, exact to resume, a true decoder."""
+
+import signal
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import torch
+
+from deformer.autoencoder import PRESETS, ModelConfig
+from deformer.checkpoints import has_checkpoint
+from deformer.decoder import Decoder
+from deformer.errors import InputError
+from deformer.factoring import factor
+from deformer.features import FeatureExtractor, FeatureScaler, extract_all
+from deformer.geodesics import Geodesics
+from deformer.localised import Factorisation
+from shapes import sequence
+
+CONFIG = replace(PRESETS["default"], components=4, epochs=12)
+
+
+@pytest.fixture(scope="module")
+def data():
+    """Scaled features, their scaler, one-rings and geodesics of the small sequence."""
+    shapes = sequence(8)
+    extractor = FeatureExtractor(shapes.mesh(0))
+    q = extract_all(extractor, shapes.vertices)
+    scaler = FeatureScaler.fit(q)
+    mesh = extractor.indptr, extractor.rings, Geodesics(shapes.mesh(0))
+    return scaler.scale(q), scaler, *mesh
+
+
+def stop_after(epochs):
+    def stop(progress):
+        if progress.done == epochs:
+            raise KeyboardInterrupt
+
+    return stop
+
+
+def test_the_loss_never_rises_and_its_terms_are_reported(data):
+    seen = []
+    result = factor(*data, CONFIG, on_progress=seen.append)
+    assert [p.done for p in seen] == list(range(1, 13))
+    losses = [p.loss for p in seen]
+    assert all(b <= a * (1 + 1e-5) for a, b in pairwise(losses))
+    assert losses[-1] < losses[0]
+    for p in seen:
+        assert p.stage == "training" and p.total == 12 and p.range == 0.0
+        assert p.loss == pytest.approx(p.reconstruction + p.sparsity)
+    assert (result.loss, result.reconstruction) == (seen[-1].loss, seen[-1].reconstruction)
+    assert result.epochs == 12 and not result.interrupted and not result.network.training
+
+
+def test_code_zero_is_the_undeformed_shape(data):
+    """And training shapes come back from their projections the better, the more components."""
+    x, scaler, indptr, rings, _ = data
+    errors = []
+    for components in (1, 3, 6):
+        config = replace(CONFIG, components=components, sparsity=0.05, epochs=30)
+        decoder = Decoder(factor(*data, config).network, scaler, indptr, rings)
+        rest = decoder.features(np.zeros(components))
+        np.testing.assert_allclose(
+            rest, np.tile([0, 0, 0, 1, 0, 0, 1, 0, 1], (len(rest), 1)), atol=1e-5
+        )
+        q = scaler.unscale(x)
+        back = np.array([decoder.features(decoder.project(features)) for features in q])
+        errors.append(np.square(back - q).sum())
+    assert errors[2] < 0.5 * errors[1] < 0.5 * errors[0]
+
+
+@pytest.mark.parametrize("stops", [(5,), (1, 4, 11)], ids=str)
+def test_resuming_is_exact(data, stops, tmp_path):
+    whole = factor(*data, CONFIG)
+    for n, epochs in enumerate(stops):
+        part = factor(
+            *data, CONFIG, checkpoint=tmp_path, resume=n > 0, on_progress=stop_after(epochs)
+        )
+        assert part.interrupted and part.epochs == epochs
+    resumed = factor(*data, CONFIG, checkpoint=tmp_path, resume=True)
+    assert not resumed.interrupted and resumed.epochs == 12
+    for name, value in whole.network.state_dict().items():
+        assert torch.equal(resumed.network.state_dict()[name], value), name
+    assert (resumed.loss, resumed.reconstruction) == (whole.loss, whole.reconstruction)
+    assert resumed.seconds > part.seconds
+
+
+def test_control_c_ends_after_the_round_under_way(data, tmp_path, monkeypatch):
+    calls = []
+    move = Factorisation.move_centres
+
+    def interrupted(self):
+        calls.append(1)
+        if len(calls) == 3:
+            signal.raise_signal(signal.SIGINT)
+        move(self)
+
+    monkeypatch.setattr(Factorisation, "move_centres", interrupted)
+    part = factor(*data, CONFIG, checkpoint=tmp_path)
+    assert part.interrupted and part.epochs == 3 and has_checkpoint(tmp_path)
+
+
+def test_a_checkpoint_of_other_shapes_is_refused(data, tmp_path):
+    factor(*data, CONFIG, checkpoint=tmp_path, on_progress=stop_after(2))
+    x, *rest = data
+    with pytest.raises(InputError, match="other shapes"):
+        factor(0.9 * x, *rest, CONFIG, checkpoint=tmp_path, resume=True)
+    with pytest.raises(InputError, match="other config"):
+        factor(x, *rest, replace(CONFIG, sparsity=1.0), checkpoint=tmp_path, resume=True)
+
+
+@pytest.mark.parametrize("change", [{"layers": (9, 9)}, {"layers": (7,)}, {"encoder": "network"}])
+def test_what_cannot_be_factored_is_refused(change):
+    with pytest.raises(InputError, match=r"factorisation.*gradients"):
+        ModelConfig(method="factorisation", **change)

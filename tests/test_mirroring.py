@@ -1,0 +1,69 @@
+"""Truths of mirror images: what the right side did, the left does."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from deformer.mesh import MeshSequence
+from deformer.metrics import e_rms
+from deformer.mirroring import images_explain, mirror_images
+from shapes import strip
+
+
+def sheet(poses, skew=0.0):
+    """A curved sheet, symmetric about x = 0 alone, with wings folded by angles (left, right)."""
+    flat = strip(25, 9, 2.0, 0.8)
+    v = flat.vertices - [1.0, 0.0, 0.0]
+    v[:, 2] = 0.4 * v[:, 1] ** 2
+    v[:, 1] += 0.3 * v[:, 0] ** 2
+    shapes = []
+    for left, right in poses:
+        p = v.copy()
+        p[:, 1] += skew * v[:, 0] ** 3
+        for side, angle in ((-1, left), (1, right)):
+            wing = side * v[:, 0] > 0.3
+            hinge = np.array([0.3 * side, 0.0, 0.0])
+            turn = Rotation.from_rotvec([0.0, -side * angle, 0.0])
+            p[wing] = turn.apply(p[wing] - hinge) + hinge
+        shapes.append(p)
+    return MeshSequence(np.array(shapes), flat.faces)
+
+
+def test_an_image_has_the_wings_changed_over():
+    poses = [(0.0, 0.0), (0.7, 0.0), (0.2, -0.5), (0.0, 0.9)]
+    shapes = sheet(poses)
+    images, plane = mirror_images(shapes)
+    assert plane.error < 1e-6 and abs(plane.normal[0]) == pytest.approx(1.0)
+    wanted = sheet([(right, left) for left, right in poses])
+    assert e_rms(wanted.vertices, images, "none") < 5.0
+    # Not because nothing moved.
+    assert e_rms(wanted.vertices, shapes.vertices, "none") > 50.0
+
+
+def test_what_is_crooked_stays_where_it_is():
+    """The image of the shape at rest is that shape, though its two halves differ."""
+    shapes = sheet([(0.0, 0.0), (0.6, 0.0)], skew=0.05)
+    images, _ = mirror_images(shapes)
+    assert e_rms(shapes.vertices[0], images[0], "none") < 1.0
+
+
+def test_images_of_a_one_sided_motion_explain_the_other_side():
+    rng = np.random.default_rng(0)
+    basis = rng.normal(size=(4, 30, 9))
+    codes = rng.normal(size=(10, 4))
+    x = np.tensordot(codes, basis, 1)
+    # Half of the examples move in the one half of the space, half in the other.
+    x[:5] = np.tensordot(codes[:5, :2], basis[:2], 1)
+    x[5:] = np.tensordot(codes[5:, :1], basis[2:3], 1)
+    images = np.concatenate([x[5:], x[:5]]) + 0.01 * rng.normal(size=x.shape)
+    images[9] = basis[3]
+    assert not images_explain(x, rng.normal(size=x.shape))
+    lonely = np.concatenate([x[:1], 5.0 * rng.normal(size=(6, 30, 9))])
+    assert images_explain(lonely, np.roll(lonely, 1, axis=0))
+    assert not images_explain(lonely, lonely)
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_few_shapes_are_enough(count):
+    images, _ = mirror_images(sheet([(0.0, 0.0), (0.4, 0.0), (0.0, 0.3)][:count]))
+    assert images.shape == (count, 25 * 9, 3) and np.isfinite(images).all()
