@@ -145,10 +145,9 @@ class ReferenceSolver:
         """
         begun = time.perf_counter()
         if warm and self._x is not None:
-            starts, rounds = [self._x], min(self.relaxation, _WARM_ROUNDS)
+            found, rounds = [self._descend(self._x)], min(self.relaxation, _WARM_ROUNDS)
         else:
-            starts, rounds, self._R = self._starts(), self.relaxation, None
-        found = [self._descend(x) for x in starts]
+            found, rounds, self._R = self._search(), self.relaxation, None
         x, energy, _ = min(found, key=lambda entry: entry[1])
         p, self._x = self._pose(x, rounds), x
         return Pose(
@@ -230,6 +229,15 @@ class ReferenceSolver:
             picked = self._misfit(copies).flatten(1)[:, start : start + _ROWS].diagonal()
             rows[:] = torch.autograd.grad(picked.sum(), copies)[0].numpy()
         return J
+
+    def _search(self) -> list[tuple[Array, float, int]]:
+        """Ends of the descents from all starts, with each cost of the rigid motion by itself."""
+        motions, found = self._motions, []
+        for motion in motions:
+            self._motions = [motion]
+            found += [self._descend(x) for x in self._starts()]
+        self._motions = motions
+        return [(x, self.energy(x), steps) for x, _, steps in found]
 
     def _starts(self) -> list[Array]:
         """The prior's mean and the best training codes, translated towards the targets."""
