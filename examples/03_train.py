@@ -15,7 +15,7 @@ def main(picture: Path, quick: bool = False) -> float:
     examples = tube.shapes(40, seed=0, **size)
     unseen = tube.shapes(7, seed=1, **size).vertices[1:]
 
-    model = deformer.train(examples, components=8, epochs=20 if quick else 800, device="cpu")
+    model = deformer.train(examples, components=8, epochs=20 if quick else None, device="cpu")
     model.save(picture.with_suffix(""))
     model = deformer.load_model(picture.with_suffix(""))
     found = model.decode(model.encode(unseen))
