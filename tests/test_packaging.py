@@ -21,3 +21,13 @@ def test_shipped_models_are_small():
     for folder in {path.parent for path in (ROOT / "models").glob("*/model.json")}:
         assert sum(path.stat().st_size for path in folder.iterdir()) < 6_000_000
         assert (folder / "README.md").is_file(), f"{folder.name} has no model card"
+
+
+def test_no_text_has_the_marks_of_a_merge():
+    for pattern in ("*.md", "*.toml", "benchmarks/*.md", "docs/*.md", "models/*/*.md"):
+        for path in ROOT.glob(pattern):
+            lines = path.read_text(encoding="utf-8").splitlines()
+            marks = [
+                n for n, line in enumerate(lines, 1) if line.startswith(("<<<<<<<", ">>>>>>>"))
+            ]
+            assert not marks, f"{path.name}, lines {marks}"
