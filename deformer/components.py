@@ -139,5 +139,7 @@ def activation_sharing(codes: FloatArray) -> FloatArray:
     """Correlations (K, K) of the columns of latent codes (N, K); 0 where one never changes."""
     away = codes - codes.mean(axis=0)
     length = np.linalg.norm(away, axis=0)
-    unit = np.divide(away, length, out=np.zeros_like(away), where=length > 0)
+    # What is left of a constant by rounding is no change.
+    changes = length > 1e-9 * np.linalg.norm(codes)
+    unit = np.divide(away, length, out=np.zeros_like(away), where=changes)
     return unit.T @ unit
