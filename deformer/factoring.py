@@ -31,6 +31,8 @@ from deformer.training import (
 
 # Scaled features beyond this count as this much: there the tanh says nothing any more.
 _SATURATED = 0.99
+# Features of a vertex that neither turns nor stretches.
+_UNDEFORMED = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
 
 
 def factor(
@@ -105,10 +107,6 @@ def factor(
         save()
     network = _network(run, unit, bias, indptr, rings)
     return TrainingResult(network, sum(terms), terms[0], epoch, seconds, interrupted)
-
-
-# Features of a vertex that neither turns nor stretches.
-_UNDEFORMED = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
 
 
 def _network(

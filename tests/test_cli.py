@@ -37,20 +37,6 @@ def model_path(shapes_path, tmp_path_factory):
 
 
 @pytest.fixture
-def run(capfd, monkeypatch):
-    """Run the command in this process; gives (status, stdout, stderr)."""
-
-    def call(*arguments):
-        texts = [str(argument) for argument in arguments]
-        monkeypatch.setattr(sys, "argv", ["deformer", *texts])
-        capfd.readouterr()
-        status = console.run(cli.app, texts)
-        return status, *capfd.readouterr()
-
-    return call
-
-
-@pytest.fixture
 def run_json(run):
     """Run the command with --json; gives what it printed, and nothing else may be on stdout."""
 

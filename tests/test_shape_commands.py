@@ -2,14 +2,12 @@
 
 import csv
 import json
-import sys
 
 import numpy as np
 import pytest
 from PIL import Image
 
 import deformer
-from deformer_app import cli, console
 from shapes import sequence, small_model
 
 
@@ -17,20 +15,6 @@ from shapes import sequence, small_model
 def model_path(tmp_path):
     small_model().save(tmp_path / "model")
     return tmp_path / "model"
-
-
-@pytest.fixture
-def run(capfd, monkeypatch):
-    """Run the command in this process; gives (status, stdout, stderr)."""
-
-    def call(*arguments):
-        texts = [str(argument) for argument in arguments]
-        monkeypatch.setattr(sys, "argv", ["deformer", *texts])
-        capfd.readouterr()
-        status = console.run(cli.app, texts)
-        return status, *capfd.readouterr()
-
-    return call
 
 
 @pytest.fixture
