@@ -45,6 +45,8 @@ class ModelConfig:
         encoder: of shapes, once the network is trained: the "network"'s own (the paper), or
             "projection": the code of least squares in front of the decoder's tanh
             (`Decoder.project`). Networks of several layers have no such and use their own.
+        denoised: take the examples' noise off first, where there is any (`remove_noise`); False is
+            the paper.
         mirrored: train on the examples' mirror images, too, where the body is symmetric and they
             help to explain the examples (`mirroring.images_explain`); False is the paper.
         align: remove each shape's rigid motion against the reference before anything else.
@@ -67,6 +69,7 @@ class ModelConfig:
     initial: str = "pca"
     pruning: float = 0.01
     encoder: str = "projection"
+    denoised: bool = True
     mirrored: bool = True
     align: bool = False
 
@@ -125,6 +128,7 @@ PRESETS: dict[str, ModelConfig] = {
         initial="random",
         pruning=0.0,
         encoder="network",
+        denoised=False,
         mirrored=False,
     ),
 }

@@ -11,12 +11,13 @@ import numpy as np
 from deformer.autoencoder import ModelConfig, resolve_config
 from deformer.checkpoints import has_checkpoint
 from deformer.decoder import Decoder
+from deformer.denoising import remove_noise
 from deformer.errors import InputError
 from deformer.factoring import factor
 from deformer.features import FeatureExtractor, FeatureScaler, extract_all
 from deformer.geodesics import Geodesics
 from deformer.latent import fit_prior
-from deformer.mesh import FloatArray, MeshSequence
+from deformer.mesh import FloatArray, Mesh, MeshSequence
 from deformer.metrics import e_rms
 from deformer.mirroring import images_explain, mirror_images
 from deformer.model import DeformationModel, encode_features
@@ -84,6 +85,10 @@ def train(
     chosen = shapes.subset(split["train"]).vertices
     if settings.align:
         chosen = align(chosen, base.vertices)
+    noise = 0.0
+    if settings.denoised:
+        own = split["train"].index(reference) if reference in split["train"] else None
+        base, chosen, noise = _without_noise(base, chosen, own)
     extractor = FeatureExtractor(base)
 
     def on_features(done: int, total: int) -> None:
@@ -115,6 +120,7 @@ def train(
         "train": len(split["train"]),
         "test": len(split["test"]),
         "reference": reference,
+        "noise": noise / base.bounding_diagonal,
         "mirrored": len(x) > len(chosen),
         "up": up,
         "seed": seed,
@@ -136,6 +142,20 @@ def train(
             held_out = align(held_out, base.vertices)
         summary["test_e_rms"] = e_rms(held_out, model.decode(model.encode(held_out)))
     return replace(model, placement=fit_placement(decoded, chosen, base.bounding_diagonal))
+
+
+def _without_noise(
+    base: Mesh, chosen: FloatArray, own: int | None
+) -> tuple[Mesh, FloatArray, float]:
+    """The undeformed and the chosen shapes (N, V, 3) without noise, and its deviation.
+
+    `own` is the undeformed shape's row among the chosen; None if it is not one of them.
+    """
+    every = chosen if own is not None else np.concatenate([chosen, base.vertices[None]])
+    clean, noise = remove_noise(MeshSequence(every, base.faces))
+    if not noise:
+        return base, chosen, noise
+    return Mesh(clean[-1 if own is None else own], base.faces), clean[: len(chosen)], noise
 
 
 def _with_images(q: FloatArray, extractor: FeatureExtractor, shapes: MeshSequence) -> FloatArray:

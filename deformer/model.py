@@ -35,6 +35,8 @@ from deformer.rotations import align
 FORMAT_VERSION = 1
 _FILES = ("model.json", "reference.ply", "weights.safetensors")
 
+# Options of models from before there was a choice.
+_BEFORE = {"encoder": "network", "denoised": False, "mirrored": False}
 # Latent components whose tangents are solved at once in `DeformationModel.fit`: bounds memory.
 _TANGENT_BATCH = 10
 
@@ -406,8 +408,7 @@ def _assemble(folder: Path, data: dict[str, Any]) -> DeformationModel:
         tensors = load_file(folder / "weights.safetensors")
     except SafetensorError as error:
         raise InputError(f"{folder / 'weights.safetensors'}: unreadable ({error})") from error
-    # Models from before there was a choice encode by their network.
-    config = ModelConfig(**{"encoder": "network", "mirrored": False, **data["config"]})
+    config = ModelConfig(**{**_BEFORE, **data["config"]})
     indptr, rings = one_rings(mesh.faces, len(mesh.vertices))
     network = MeshAutoencoder(indptr, rings, config.components, config.layers)
     network.load_state_dict(
