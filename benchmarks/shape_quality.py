@@ -1,0 +1,176 @@
+"""What a prior's components and its poses are like, beside those of SPLOCS and of the true shapes.
+
+    python benchmarks/shape_quality.py SHAPES MODEL [MODEL…] [--counts 5 20 80] [--shapes 12]
+
+SHAPES are what the models were trained from; those that a model has not seen are posed from a few
+exact handles. Tables: how local components are, with SPLOCS on the same features, learned from the
+first model's training shapes in this run; what posing does to edges, to the volume, and how often
+it folds; and how far vertices jump with noise of the handles (exact ones, and soft ones), in
+deviations of that noise.
+
+A fold is an edge whose two faces turn by more than 150° against each other, where neither the
+examples nor the true shape has them turn so. The path goes from one held-out shape to the next in
+21 steps, all handles moving straight, each step a warm solve.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from deformer.activations import Activations
+from deformer.components import SUPPORTED
+from deformer.features import FeatureExtractor, FeatureScaler, extract_all
+from deformer.geodesics import farthest_points
+from deformer.handles import HandleSolver
+from deformer.io import load_shapes
+from deformer.localised import localised_components
+from deformer.mesh import edges
+from deformer.model import load_model
+
+FOLD = np.cos(np.radians(150.0))
+STEPS = 21
+NOISE = 0.01
+DRAWS = 20
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("shapes")
+    parser.add_argument("models", nargs="+")
+    parser.add_argument("--counts", type=int, nargs="+", default=[5, 20, 80])
+    parser.add_argument("--shapes", dest="tests", type=int, default=12, help="held-out shapes")
+    options = parser.parse_args()
+    console = Console(width=110)
+    shapes = load_shapes(options.shapes)
+    models = {Path(name).name: load_model(name) for name in options.models}
+    local = Table("components", "K in use", "support %", "p90", "extent %", "p90")
+    for name, model in models.items():
+        acts = Activations(model)
+        weights = np.array([acts.support(k) for k in range(model.components)])
+        local.add_row(name, *locality(weights, model.geodesics))
+    first = next(iter(models.values()))
+    learned = shapes.subset(first.split["train"])
+    q = extract_all(FeatureExtractor(first.reference), learned.vertices)
+    scaled = (q - q.mean(axis=0)) / FeatureScaler.fit(q).gain
+    found = localised_components(scaled, first.geodesics.normalised_row, first.components)
+    basis = np.linalg.norm(found.components, axis=2)
+    local.add_row("SPLOCS", *locality(basis, first.geodesics))
+    console.print(local)
+    for name, model in models.items():
+        quality(console, name, model, shapes, options)
+
+
+def locality(weights, geodesics):
+    """Mean and 90th percentile over components in use: share of vertices, and geodesic extent."""
+    used = weights[weights.max(axis=1) > 0.0]
+    used = used / used.max(axis=1, keepdims=True)
+    share = 100.0 * (used >= SUPPORTED).mean(axis=1)
+    extent = []
+    for row in used:
+        away = geodesics.normalised_row(int(row.argmax()))[row >= SUPPORTED]
+        extent.append(100.0 * away[np.isfinite(away)].max())
+    numbers = [f(x) for x in (share, extent) for f in (np.mean, lambda x: np.quantile(x, 0.9))]
+    return [str(len(used)), *(f"{number:.1f}" for number in numbers)]
+
+
+def quality(console, name, model, shapes, options):
+    faces = shapes.faces
+    held_out = np.delete(shapes.vertices, model.split["train"], axis=0)
+    some = np.unique(np.linspace(0, len(held_out) - 1, options.tests).round().astype(int))
+    truth = held_out[some]
+    i, j = edges(faces).T
+    hinges = pairs(faces)
+    shown = turned(shapes.vertices[model.split["train"]], faces, hinges).any(axis=0)
+    folded = turned(truth, faces, hinges)
+    solver = HandleSolver(model)
+    diagonal = model.reference.bounding_diagonal
+    table = Table(
+        "handles", "edge p50 %", "p99 %", "volume %", "folds a shape", "on the path",
+        "jitter", "soft",
+        title=f"{name}: median and p99 change of edges against the true shapes, …",
+    )  # fmt: skip
+    for count in options.counts:
+        h = farthest_points(model.geodesics, count, 0)
+        poses = []
+        for shape in truth:
+            solver.set_handles(h, shape[h], hard=True)
+            poses.append(solver.solve().vertices)
+        poses = np.array(poses)
+        stretch = np.abs(lengths(poses, i, j) / lengths(truth, i, j) - 1.0)
+        volume = np.abs(volumes(poses, faces) / volumes(truth, faces) - 1.0)
+        folds = (turned(poses, faces, hinges) & ~shown & ~folded).sum() / len(poses)
+        worst = 0
+        for a, b in zip(range(len(truth) - 1), range(1, len(truth)), strict=True):
+            solver.set_handles(h, truth[a][h], hard=True)
+            solver.solve()
+            for t in np.linspace(0.0, 1.0, STEPS):
+                solver.set_handles(h, (1.0 - t) * truth[a][h] + t * truth[b][h], hard=True)
+                frame = solver.solve(warm=True).vertices[None]
+                worst = max(worst, int((turned(frame, faces, hinges)[0] & ~shown).sum()))
+        rng, moved = np.random.default_rng(0), {True: [], False: []}
+        for hard in moved:
+            solver.set_handles(h, truth[0][h], hard=hard)
+            solver.solve()
+            for _ in range(DRAWS):
+                noise = rng.normal(scale=NOISE * diagonal, size=(count, 3))
+                solver.set_handles(h, truth[0][h] + noise, hard=hard)
+                moved[hard].append(solver.solve(warm=True).vertices)
+        jitter = [
+            np.std(np.array(frames), axis=0) / (NOISE * diagonal) for frames in moved.values()
+        ]
+        table.add_row(
+            str(count),
+            f"{100 * np.median(stretch):.2f}",
+            f"{100 * np.quantile(stretch, 0.99):.1f}",
+            f"{100 * volume.mean():.2f}",
+            f"{folds:.1f}",
+            str(worst),
+            *(f"{np.sqrt((x**2).mean()):.2f}" for x in jitter),
+        )
+    console.print(table)
+    rest = model.reference.vertices[None]
+    stretch = np.abs(lengths(truth, i, j) / lengths(rest, i, j) - 1.0)
+    volume = np.abs(volumes(truth, faces) / volumes(rest, faces) - 1.0)
+    console.print(
+        f"true shapes against the reference: edges p50 {100 * np.median(stretch):.2f} %, p99 "
+        f"{100 * np.quantile(stretch, 0.99):.1f} %, volume {100 * volume.mean():.2f} %, edges "
+        f"folded {folded.sum() / len(truth):.1f} a shape; edges that the examples fold: {shown.sum()}"
+    )
+
+
+def lengths(shapes, i, j):
+    return np.linalg.norm(shapes[:, i] - shapes[:, j], axis=2)
+
+
+def volumes(shapes, faces):
+    """Signed volumes; of open surfaces about the centroid."""
+    corners = (shapes - shapes.mean(axis=1, keepdims=True))[:, faces]
+    return np.linalg.det(corners).sum(axis=1) / 6.0
+
+
+def pairs(faces):
+    """Faces (n, 2) on the two sides of every inner edge."""
+    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    face = np.tile(np.arange(len(faces)), 3)
+    key = np.sort(directed, axis=1)
+    order = np.lexsort(key.T)
+    same = (key[order][1:] == key[order][:-1]).all(axis=1)
+    return np.stack([face[order][:-1][same], face[order][1:][same]], axis=1)
+
+
+def turned(shapes, faces, hinges):
+    """Whether (N, n) the two faces turn by more than a fold."""
+    found = []
+    for shape in shapes:
+        a, b, c = (shape[faces[:, k]] for k in range(3))
+        normal = np.cross(b - a, c - a)
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+        found.append((normal[hinges[:, 0]] * normal[hinges[:, 1]]).sum(axis=1) < FOLD)
+    return np.array(found)
+
+
+if __name__ == "__main__":
+    main()
