@@ -137,7 +137,7 @@ def quality(console, name, model, shapes, options):
     console.print(
         f"true shapes against the reference: edges p50 {100 * np.median(stretch):.2f} %, p99 "
         f"{100 * np.quantile(stretch, 0.99):.1f} %, volume {100 * volume.mean():.2f} %, edges "
-        f"folded {folded.sum() / len(truth):.1f} a shape; edges that the examples fold: {shown.sum()}"
+        f"folded {folded.sum() / len(truth):.1f} a shape; folded by examples: {shown.sum()}"
     )
 
 
