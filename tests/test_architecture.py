@@ -17,7 +17,7 @@ ORDER = [
     "_atomic", "_json_files", "_parsing", "_obj", "_off", "_ply", "_stl", "_glb", "io", "doctor",
     "geodesics", "rotations", "metrics", "symmetry", "strain",
     "rotation_field", "dissection", "cholesky", "features", "differentials", "poisson", "mirroring",
-    "autoencoder", "decoder", "losses", "localised", "checkpoints", "training",
+    "autoencoder", "decoder", "losses", "localised", "checkpoints", "training_loop", "training",
     "factoring", "latent", "placement", "naming", "model",
     "activations", "components", "synthesis", "interpolation", "learning",
     "lanes", "packed", "surface", "landmarks", "objective", "basis", "handles", "uncertainty",
