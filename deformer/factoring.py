@@ -88,6 +88,9 @@ class _Rounds:
     def __init__(self, problem: Factorisation) -> None:
         self._problem = problem
 
+    def start(self) -> None:
+        self._problem.start()
+
     def step(self, epoch: int) -> tuple[float, ...]:
         self._problem.round()
         return self._problem.terms()

@@ -102,6 +102,11 @@ class _Descent:
         self.reconstruction = float("inf")
         self._best = {k: v.detach().clone() for k, v in network.state_dict().items()}
 
+    def start(self) -> None:
+        if self._config.initial == "pca":
+            x = _with_mixed(self._shapes, self._mixer, _INITIAL_MIXED)
+            self._network.start_from_components(x)
+
     def step(self, epoch: int) -> tuple[float, ...]:
         """One step on all shapes; gives the three weighted terms before it."""
         network, config, N = self._network, self._config, self._shapes.shape[1]
@@ -208,8 +213,6 @@ def fit(
     shapes = torch.as_tensor(np.swapaxes(x, 0, 1), dtype=torch.float32).contiguous().to(target)
     generator = torch.Generator().manual_seed(seed)
     mixer = _Mixer(shapes, geodesics, generator) if config.mixed_shapes and len(x) > 1 else None
-    if config.initial == "pca" and not resume:
-        network.start_from_components(_with_mixed(shapes, mixer, _INITIAL_MIXED))
     locality = losses.Locality(geodesics, config.d_min, config.d_max)
     descent = _Descent(network, shapes, mixer, generator, locality, config)
     course = run_training(

@@ -55,7 +55,11 @@ class TrainingResult:
 
 
 class Trainee(Protocol):
-    """What is trained, one step at a time."""
+    """What is trained, one step at a time; `start` or `restore` comes first."""
+
+    def start(self) -> None:
+        """Begin anew."""
+        ...
 
     def step(self, epoch: int) -> tuple[float, ...]:
         """Take step `epoch`, from 0; give the terms of the loss in `TrainingProgress`'s order."""
@@ -114,6 +118,8 @@ def run_training(
         status, tensors = load_checkpoint(checkpoint, identity)
         trainee.restore(status, tensors)
         epoch, seconds = status["epoch"], status["seconds"]
+    else:
+        trainee.start()
     saved = time.monotonic()
     begun = saved - seconds
 

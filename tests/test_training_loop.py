@@ -19,6 +19,9 @@ class Counting:
     def __init__(self):
         self.steps, self.total, self.calls = [], 0, []
 
+    def start(self):
+        self.calls.append("start")
+
     def step(self, epoch):
         self.calls.append("step")
         self.steps.append(epoch)
@@ -50,6 +53,7 @@ def interrupt():
 def test_steps_are_taken_in_order_and_told():
     seen, counting = [], Counting()
     course = run_training(counting, 3, IDENTITY, on_progress=seen.append)
+    assert counting.calls == ["start", "step", "step", "step"]
     assert counting.steps == [0, 1, 2]
     assert seen == [
         TrainingProgress("training", n + 1, 3, 2.0 * n + 1.0, 2.0 * n, 1.0) for n in range(3)
@@ -63,7 +67,7 @@ def test_a_stopped_run_goes_on_where_it_stopped(tmp_path):
     assert part.epochs == 4 and part.interrupted
     counting = Counting()
     course = run_training(counting, 9, IDENTITY, **options, resume=True)
-    assert counting.calls[0] == "restore" and counting.steps == [4, 5, 6, 7, 8]
+    assert counting.calls == ["restore", *5 * ["step"]] and counting.steps == [4, 5, 6, 7, 8]
     assert counting.total == sum(range(9))
     assert course.epochs == 9 and not course.interrupted
 
