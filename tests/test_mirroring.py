@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from deformer import mirroring
+from deformer.features import features_to_gradients
 from deformer.mesh import MeshSequence
 from deformer.metrics import e_rms
-from deformer.mirroring import images_explain, mirror_images
+from deformer.mirroring import images_explain, mirror_images, reflected
 from shapes import strip
 
 
@@ -38,6 +40,35 @@ def test_an_image_has_the_wings_changed_over():
     assert e_rms(wanted.vertices, images, "none") < 5.0
     # Not because nothing moved.
     assert e_rms(wanted.vertices, shapes.vertices, "none") > 50.0
+
+
+def test_reflected_features_are_those_of_reflected_gradients():
+    rng = np.random.default_rng(0)
+    q = rng.normal(size=(5, 7, 9))  # rotations beyond a half turn among them
+    normal = rng.normal(size=3)
+    normal /= np.linalg.norm(normal)
+    M = np.eye(3) - 2.0 * np.outer(normal, normal)
+    np.testing.assert_allclose(
+        features_to_gradients(reflected(q, normal)), M @ features_to_gradients(q) @ M, atol=1e-12
+    )
+    np.testing.assert_allclose(reflected(reflected(q, normal), normal), q, atol=1e-12)
+
+
+def test_an_image_lies_opposite_to_its_shape(monkeypatch):
+    """Wherever the shapes lie; and it does not matter how many are mirrored at a time."""
+    still = sheet([(0.0, 0.0), (0.7, 0.0), (0.2, -0.5), (0.0, 0.9), (0.3, 0.3)])
+    away = np.array([[0, 0, 0], [3, 0, 0], [0, 2, 1], [-1, 0, 5], [2, 2, 2]], float)
+    shapes = MeshSequence(still.vertices + away[:, None], still.faces)
+    monkeypatch.setattr(mirroring, "_BATCH", 2)
+    images, plane = mirror_images(shapes)
+    np.testing.assert_allclose(
+        images.mean(axis=1), plane.mirror(shapes.vertices.mean(axis=1)), atol=1e-12
+    )
+    whole = mirror_images(still)[0]
+    for image, other in zip(images, whole, strict=True):
+        np.testing.assert_allclose(
+            image - image.mean(axis=0), other - other.mean(axis=0), atol=1e-9
+        )
 
 
 def test_what_is_crooked_stays_where_it_is():
