@@ -211,6 +211,16 @@ def test_a_seed_decides_the_set(example, flown):
     assert np.abs(other["vertices"] - again["vertices"]).max() > 0.01
 
 
+def test_the_written_file_holds_the_set(example, flown, tmp_path, monkeypatch):
+    monkeypatch.setattr(example, "rectangle", small)
+    example.main(tmp_path / "deep" / "flag.npz", frames=2, seed=3)
+    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["flag.npz"]
+    with np.load(tmp_path / "deep" / "flag.npz") as stored:
+        np.testing.assert_array_equal(stored["vertices"], flown["vertices"][:3])
+        np.testing.assert_array_equal(stored["faces"], flown["faces"])
+        assert stored["vertices"].dtype == np.float32 and stored["faces"].dtype == np.int32
+
+
 def test_noise_is_worst_at_the_free_corners_and_spares_the_reference(example):
     cloth = small()
     frames = np.broadcast_to(cloth.rest, (3001, *cloth.rest.shape))

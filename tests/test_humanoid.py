@@ -99,8 +99,9 @@ def test_same_seed_same_set_other_seed_other_set(example):
     assert np.abs(one["vertices"][1] - other["vertices"][1]).max() > 1e-3
 
 
-def test_saved_file_needs_no_pickle(example, made, tmp_path):
-    example.save(tmp_path / "deep" / "set.npz", made[0])
+def test_written_file_needs_no_pickle(example, made, tmp_path, monkeypatch):
+    monkeypatch.setattr(example, "make_set", lambda *_, **__: made)
+    example.main(tmp_path / "deep" / "set.npz", POSES)
     with np.load(tmp_path / "deep" / "set.npz", allow_pickle=False) as stored:
         np.testing.assert_array_equal(stored["vertices"], made[0]["vertices"])
         assert stored["names"].tolist() == made[0]["names"].tolist()
