@@ -1,25 +1,18 @@
 """The simulated flag: cloth and wind obey their laws, and a seed decides the whole set."""
 
-import importlib.util
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-EXAMPLES = Path(__file__).parents[1] / "examples"
-sys.path.insert(0, str(EXAMPLES))
-
-from flag.cloth import AIR, GRAVITY, Fabric, Simulation, rectangle  # noqa: E402
-from flag.noise import CORNER_GAIN, add_noise, noise_profile  # noqa: E402
-from flag.quality import (  # noqa: E402
+from flag.cloth import AIR, GRAVITY, Fabric, Simulation, rectangle
+from flag.noise import CORNER_GAIN, add_noise, noise_profile
+from flag.quality import (
     count_intersections,
     edges_of,
     stretches,
     swing_angles,
 )
-from flag.wind import still_air, turbulent_wind  # noqa: E402
+from flag.wind import still_air, turbulent_wind
 
 COLUMNS, ROWS, SPACING = 19, 13, 0.08
 
@@ -33,11 +26,8 @@ def untied(cloth):
 
 
 @pytest.fixture(scope="module")
-def example():
-    spec = importlib.util.spec_from_file_location("make_flag", EXAMPLES / "10_make_flag.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def example(load_example):
+    return load_example("10_make_flag")
 
 
 @pytest.fixture(scope="module")

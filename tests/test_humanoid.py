@@ -1,30 +1,16 @@
 """The generated humanoid set: one sound connectivity, sound shapes, the same for a seed."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 pytest.importorskip("anny", reason="the humanoid set needs anny: pip install 'deformer[data]'")
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
 POSES, VERTICES = 9, 3400
 
 
 @pytest.fixture(scope="module")
-def example():
-    sys.path.insert(0, str(EXAMPLES))
-    try:
-        spec = importlib.util.spec_from_file_location(
-            "make_humanoid", EXAMPLES / "01_make_humanoid.py"
-        )
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-        yield module
-    finally:
-        sys.path.remove(str(EXAMPLES))
+def example(load_example):
+    return load_example("01_make_humanoid")
 
 
 @pytest.fixture(scope="module")
