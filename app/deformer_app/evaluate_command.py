@@ -104,7 +104,9 @@ def evaluate(
     ] = None,
     epochs: Annotated[
         int | None,
-        typer.Option(min=1, help="Steps of the networks' training.  \\[default: their own]"),
+        typer.Option(
+            min=1, help="At most so many steps of a network's training.  \\[default: its own]"
+        ),
     ] = None,
     tests: Annotated[
         int | None, typer.Option(min=1, help="Measure on at most so many test shapes.")
