@@ -8,25 +8,24 @@ components are each the best for the other in turn, with the sparse localised co
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from deformer.autoencoder import FEATURES, MeshAutoencoder, ModelConfig
-from deformer.checkpoints import load_checkpoint, save_checkpoint
 from deformer.features import FeatureScaler
 from deformer.geodesics import Geodesics
-from deformer.interrupts import DeferredInterrupt
 from deformer.localised import Factorisation, LocalisedSettings
 from deformer.mesh import FloatArray, IntArray
-from deformer.training import (
-    CHECKPOINT_SECONDS,
+from deformer.training_loop import (
     ProgressCallback,
-    TrainingProgress,
+    State,
     TrainingResult,
     identity_of,
+    run_training,
 )
 
 # Scaled features beyond this count as this much: there the tanh says nothing any more.
@@ -69,57 +68,51 @@ def factor(
     unit = float(np.sqrt((data**2).mean())) or 1.0
     data /= unit
     settings = LocalisedSettings(config.sparsity, config.d_min, config.d_max)
-    run = Factorisation(data, geodesics.normalised_row, config.components, settings)
-    identity = identity_of(x, config, 0)
-    epoch, seconds = 0, 0.0
-    if resume:
-        status, tensors = load_checkpoint(checkpoint, identity)
-        run.restore({name: tensor.numpy() for name, tensor in tensors.items()})
-        epoch, seconds = status["epoch"], status["seconds"]
-    saved = begun = time.monotonic()
-    spent_before = seconds
-    terms = run.terms()
-    interrupted = False
+    problem = Factorisation(data, geodesics.normalised_row, config.components, settings)
+    course = run_training(
+        _Rounds(problem),
+        config.epochs,
+        identity_of(x, config, 0),
+        checkpoint=checkpoint,
+        resume=resume,
+        on_progress=on_progress,
+    )
+    terms = problem.terms()
+    network = _network(problem, unit, bias, indptr, rings)
+    return TrainingResult(network, sum(terms), terms[0], *course)
 
-    def save() -> None:
-        if checkpoint is not None:
-            status = {"epoch": epoch, "seconds": seconds}
-            tensors = {name: torch.from_numpy(array) for name, array in run.state.items()}
-            save_checkpoint(checkpoint, identity, status, tensors)
 
-    try:
-        with DeferredInterrupt() as interrupt:
-            while epoch < config.epochs and not interrupt.asked:
-                run.round()
-                epoch += 1
-                seconds = spent_before + time.monotonic() - begun
-                terms = run.terms()
-                if on_progress is not None:
-                    progress = "training", epoch, config.epochs, sum(terms), *terms
-                    on_progress(TrainingProgress(*progress))
-                if time.monotonic() - saved > CHECKPOINT_SECONDS:
-                    save()
-                    saved = time.monotonic()
-        interrupted = interrupt.asked
-    except KeyboardInterrupt:  # from the callback: between two rounds, too
-        interrupted = True
-    if interrupted:
-        save()
-    network = _network(run, unit, bias, indptr, rings)
-    return TrainingResult(network, sum(terms), terms[0], epoch, seconds, interrupted)
+class _Rounds:
+    """The rounds of a factorisation as steps of a training."""
+
+    def __init__(self, problem: Factorisation) -> None:
+        self._problem = problem
+
+    def start(self) -> None:
+        self._problem.start()
+
+    def step(self, epoch: int) -> tuple[float, ...]:
+        self._problem.round()
+        return self._problem.terms()
+
+    def state(self) -> State:
+        return {}, {name: torch.from_numpy(array) for name, array in self._problem.state.items()}
+
+    def restore(self, status: dict[str, Any], tensors: dict[str, Tensor]) -> None:
+        self._problem.restore({name: tensor.numpy() for name, tensor in tensors.items()})
 
 
 def _network(
-    run: Factorisation, unit: float, bias: FloatArray, indptr: IntArray, rings: IntArray
+    problem: Factorisation, unit: float, bias: FloatArray, indptr: IntArray, rings: IntArray
 ) -> MeshAutoencoder:
     """The autoencoder whose decoder is tanh(C z + bias)."""
-    K = len(run.C)
+    K = len(problem.C)
     network = MeshAutoencoder(indptr, rings, K, (FEATURES,))
     (conv,) = network.layers
     with torch.no_grad():
         conv.point.copy_(torch.eye(FEATURES))
         conv.neighbour.zero_()
         conv.bias_back.copy_(torch.from_numpy(bias))
-        components = run.C.reshape(K, -1, FEATURES).transpose(1, 2, 0) * unit
+        components = problem.C.reshape(K, -1, FEATURES).transpose(1, 2, 0) * unit
         network.C.copy_(torch.from_numpy(np.ascontiguousarray(components)))
     return network.eval()

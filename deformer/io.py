@@ -12,9 +12,9 @@ import re
 import struct
 import zipfile
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from natsort import natsorted
@@ -50,6 +50,7 @@ __all__ = [
     "save_mesh",
     "save_shapes",
     "write_json",
+    "write_npz",
 ]
 
 _Reader = Callable[[bytes, str], tuple[FloatArray, IntArray]]
@@ -149,8 +150,7 @@ def save_shapes(path: PathLike, shapes: MeshSequence, format: str = "ply") -> No
     """
     target = Path(path)
     if target.suffix.lower() == ".npz":
-        with atomic_path(target) as temporary, temporary.open("wb") as stream:
-            np.savez_compressed(stream, vertices=shapes.vertices, faces=shapes.faces)
+        write_npz(target, {"vertices": shapes.vertices, "faces": shapes.faces})
         return
     if target.suffix.lower() in MESH_SUFFIXES:
         raise InputError(
@@ -165,6 +165,24 @@ def save_shapes(path: PathLike, shapes: MeshSequence, format: str = "ply") -> No
         for i, vertices in enumerate(shapes.vertices):
             content = _WRITERS[suffix](vertices, shapes.faces)
             (work / f"{i:0{digits}d}{suffix}").write_bytes(content)
+
+
+def write_npz(path: PathLike, arrays: Mapping[str, Any]) -> None:
+    """Write arrays as a compressed NPZ; an existing file is replaced at the end.
+
+    `save_shapes` writes shapes so, in float64; here types are the arrays' own, and there may be
+    more arrays than `load_shapes` reads.
+
+    Args:
+        path: the file; its directory must exist.
+        arrays: numbers or text by name.
+
+    Raises:
+        InputError: the directory is missing or not writable.
+    """
+    # Through a stream: numpy would append a suffix to a name that has none.
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        np.savez_compressed(stream, **arrays)
 
 
 def _shape_files(directory: Path) -> list[Path]:

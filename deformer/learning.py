@@ -23,7 +23,8 @@ from deformer.mirroring import images_explain, mirror_images
 from deformer.model import DeformationModel, encode_features
 from deformer.placement import fit_placement
 from deformer.rotations import align
-from deformer.training import ProgressCallback, TrainingProgress, fit, resolve_device
+from deformer.training import fit, resolve_device
+from deformer.training_loop import ProgressCallback, TrainingProgress
 
 
 def train(

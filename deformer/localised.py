@@ -114,6 +114,7 @@ def localised_components(
         raise InputError(f"components: expected at least 1, got {count}")
     unit = float(np.sqrt((X**2).mean())) or 1.0
     problem = Factorisation(X / unit, distances, count, settings)
+    problem.start()
     objective = [problem.objective()]
     for _ in range(settings.rounds):
         problem.round()
@@ -127,7 +128,8 @@ def localised_components(
 class Factorisation:
     """The unknowns W (N, K), C (K, M·D), the centres, and the three steps that improve them.
 
-    Works in the precision of the data. `state` and `restore` carry a run over to another process.
+    Works in the precision of the data. All is 0 until `start`, or until `restore` takes over the
+    `state` of another process.
 
     Args:
         X: (N, M, D) of unit variance.
@@ -137,7 +139,7 @@ class Factorisation:
     def __init__(
         self, X: NDArray, distances: Distances, count: int, settings: LocalisedSettings
     ) -> None:
-        """Start by greedy deflation."""
+        """Take over the data."""
         N, self._sites, D = X.shape
         self._X = X.reshape(N, -1)
         self._squares = float(np.einsum("nm,nm->", self._X, self._X, dtype=np.float64))
@@ -148,7 +150,23 @@ class Factorisation:
         self.centres: IntArray = np.zeros(count, dtype=np.int64)
         self._penalty = np.zeros((count, self._sites), dtype=X.dtype)
         self._dual = np.zeros_like(self.C)
-        self._deflate(X.copy())
+
+    def start(self) -> None:
+        """Begin with the components of a greedy deflation."""
+        residual = self._X.reshape(len(self._X), self._sites, -1).copy()
+        for k in range(len(self.C)):
+            site = int((residual**2).sum((0, 2)).argmax())
+            left, scale, _ = np.linalg.svd(residual[:, site], full_matrices=False)
+            weight = self._largest_one(left[:, 0] * scale[0])
+            self.centres[k], locality = site, self._locality(site)
+            self._penalty[k] = self._settings.sparsity * locality
+            if scale[0] <= _ROUNDING * np.sqrt(len(weight)):
+                continue
+            # c_i = (1 − Λ_i) Σ_n w_n r_ni / Σ_n w_n²
+            component = np.tensordot(weight, residual, 1) / (weight @ weight)
+            component *= (1.0 - locality)[:, None]
+            residual -= weight[:, None, None] * component
+            self.W[:, k], self.C[k] = weight, component.ravel()
 
     def round(self) -> None:
         """One improvement of weights, centres and components."""
@@ -167,21 +185,6 @@ class Factorisation:
         self.centres = state["centres"].copy()
         for k, site in enumerate(self.centres.tolist()):
             self._penalty[k] = self._settings.sparsity * self._locality(site)
-
-    def _deflate(self, residual: NDArray) -> None:
-        for k in range(len(self.C)):
-            site = int((residual**2).sum((0, 2)).argmax())
-            left, scale, _ = np.linalg.svd(residual[:, site], full_matrices=False)
-            weight = self._largest_one(left[:, 0] * scale[0])
-            self.centres[k], locality = site, self._locality(site)
-            self._penalty[k] = self._settings.sparsity * locality
-            if scale[0] <= _ROUNDING * np.sqrt(len(weight)):
-                continue
-            # c_i = (1 − Λ_i) Σ_n w_n r_ni / Σ_n w_n²
-            component = np.tensordot(weight, residual, 1) / (weight @ weight)
-            component *= (1.0 - locality)[:, None]
-            residual -= weight[:, None, None] * component
-            self.W[:, k], self.C[k] = weight, component.ravel()
 
     def _locality(self, site: int) -> FloatArray:
         return locality_row(self._distances(site), self._settings.d_min, self._settings.d_max)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import igl
 import numpy as np
+from scipy import sparse
 
-from deformer.features import FeatureExtractor, extract_all, features_to_gradients
+from deformer.features import STRETCH_COLUMNS, STRETCH_ROWS, FeatureExtractor, extract_all
 from deformer.mesh import FloatArray, IntArray, Mesh, MeshSequence
 from deformer.poisson import PoissonSystem
 from deformer.symmetry import Symmetry, find_symmetry
 
+# Shapes mirrored at once: bounded memory.
+_BATCH = 40
 # Shapes that are looked at for the most symmetric one, evenly spread.
 _LOOKED_AT = 16
 # Examples, evenly spread, that mirror images are tried on; how much of what the other examples
@@ -39,17 +42,31 @@ def mirror_images(shapes: MeshSequence) -> tuple[FloatArray, Symmetry]:
     limit = 1.01 * min(plane.error for plane, _ in planes) + 1e-6
     plane, n = next(entry for entry in planes if entry[0].error <= limit)
     rest = shapes.mesh(n)
-    corners, weights = _opposite_points(rest, plane)
-    reflection = np.eye(3) - 2.0 * np.outer(plane.normal, plane.normal)
-    poisson = PoissonSystem(rest)
-    q = extract_all(FeatureExtractor(rest), V)
+    opposite = _opposite_points(rest, plane)
+    extractor, poisson = FeatureExtractor(rest), PoissonSystem(rest)
     images = np.empty_like(V)
-    for image, features, shape in zip(images, q, V, strict=True):
-        there = np.einsum("vc,vcd->vd", weights, features[corners])
-        T = reflection @ features_to_gradients(there) @ reflection
-        image[:] = poisson.solve(T)
-        image += plane.mirror(shape.mean(axis=0)) - image.mean(axis=0)
+    for start in range(0, len(V), _BATCH):
+        some = slice(start, start + _BATCH)
+        there = np.array([opposite @ q for q in extract_all(extractor, V[some])])
+        images[some] = poisson.reconstruct(reflected(there, plane.normal))
+    images += (plane.mirror(V.mean(axis=1)) - images.mean(axis=1))[:, None]
     return images, plane
+
+
+def reflected(q: FloatArray, normal: FloatArray) -> FloatArray:
+    """Features (..., 9) of gradients reflected in a plane: M T M, M = I − 2 n nᵀ.
+
+    The rotation vector is axial, r to −M r; the stretch goes to M S M.
+
+    Args:
+        q: (..., 9) features.
+        normal: (3,) unit normal n of the plane.
+    """
+    M = np.eye(3) - 2.0 * np.outer(normal, normal)
+    S = np.empty((*q.shape[:-1], 3, 3))
+    S[..., STRETCH_ROWS, STRETCH_COLUMNS] = S[..., STRETCH_COLUMNS, STRETCH_ROWS] = q[..., 3:]
+    stretch = (M @ S @ M)[..., STRETCH_ROWS, STRETCH_COLUMNS]
+    return np.concatenate([-(q[..., :3] @ M), stretch], axis=-1)
 
 
 def images_explain(x: FloatArray, images: FloatArray) -> bool:
@@ -96,8 +113,8 @@ def _spread(count: int, wanted: int) -> list[int]:
     return np.unique(np.linspace(0, count - 1, wanted).round().astype(int)).tolist()
 
 
-def _opposite_points(mesh: Mesh, plane: Symmetry) -> tuple[IntArray, FloatArray]:
-    """The point of the surface nearest to each vertex's mirror image: corners, weights (V, 3)."""
+def _opposite_points(mesh: Mesh, plane: Symmetry) -> sparse.csr_array:
+    """Values at the point of the surface nearest to each vertex's mirror image: (V, V) weights."""
     image = plane.mirror(mesh.vertices)
     faces = np.ascontiguousarray(mesh.faces, dtype=np.int64)
     _, face, point = igl.point_mesh_squared_distance(image, mesh.vertices, faces)
@@ -105,4 +122,6 @@ def _opposite_points(mesh: Mesh, plane: Symmetry) -> tuple[IntArray, FloatArray]
     weights = igl.barycentric_coordinates(
         np.asarray(point), *(mesh.vertices[corners[:, c]] for c in range(3))
     )
-    return corners, np.clip(np.nan_to_num(weights, nan=1.0 / 3.0), 0.0, 1.0)
+    weights = np.clip(np.nan_to_num(weights, nan=1.0 / 3.0), 0.0, 1.0)
+    V = len(corners)
+    return sparse.csr_array((weights.ravel(), corners.ravel(), 3 * np.arange(V + 1)), shape=(V, V))

@@ -1,11 +1,8 @@
-"""Training by gradients: Adam, checkpoints, interruption and exact resuming."""
+"""Training by gradients: Adam on the whole network."""
 
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,50 +12,22 @@ from torch import Tensor
 
 from deformer import losses
 from deformer.autoencoder import MeshAutoencoder, ModelConfig
-from deformer.checkpoints import load_checkpoint, save_checkpoint
 from deformer.errors import InputError
 from deformer.geodesics import Geodesics
-from deformer.interrupts import DeferredInterrupt
 from deformer.mesh import FloatArray, IntArray
+from deformer.training_loop import (
+    ProgressCallback,
+    State,
+    TrainingResult,
+    identity_of,
+    run_training,
+)
 
-CHECKPOINT_SECONDS = 30.0
 # Copying the weights costs as much as a third of a step on small sets.
 _BEST_EVERY = 10
 # Mixed shapes that the principal components are taken from, beside the examples.
 _INITIAL_MIXED = 128
 _WARM_UP = 30
-
-
-@dataclass(frozen=True)
-class TrainingProgress:
-    """What a progress callback is told.
-
-    `stage` is "features" (done of total shapes) or "training" (done of total epochs); the loss
-    terms are weighted as they enter the loss, and zero in the first stage.
-    """
-
-    stage: str
-    done: int
-    total: int
-    loss: float = 0.0
-    reconstruction: float = 0.0
-    sparsity: float = 0.0
-    range: float = 0.0
-
-
-ProgressCallback = Callable[[TrainingProgress], None]
-
-
-@dataclass(frozen=True)
-class TrainingResult:
-    """The trained network and how it came about."""
-
-    network: MeshAutoencoder
-    loss: float
-    reconstruction: float
-    epochs: int
-    seconds: float
-    interrupted: bool
 
 
 def resolve_device(device: str) -> torch.device:
@@ -107,78 +76,103 @@ class _Mixer:
         return torch.lerp(a, b, weight)
 
 
-class _Run:
-    """Everything that a checkpoint has to hold."""
+class _Descent:
+    """Steps of Adam on all shapes, and the best weights so far."""
 
     def __init__(
         self,
         network: MeshAutoencoder,
-        optimiser: torch.optim.Adam,
+        shapes: Tensor,
         mixer: _Mixer | None,
         generator: torch.Generator,
-        stochastic: bool,
-        identity: dict[str, Any],
+        locality: losses.Locality,
+        config: ModelConfig,
     ) -> None:
-        self.network, self.optimiser, self.mixer = network, optimiser, mixer
-        self.generator = generator
-        self.stochastic = stochastic
-        self.identity = identity
-        self.mean: Tensor | None = None
-        self.epoch = 0
-        self.seconds = 0.0
+        self._network, self._shapes, self._config = network, shapes, config
+        self._optimiser = torch.optim.Adam(
+            network.parameters(), lr=config.learning_rate, fused=True
+        )
+        self._mixer, self._generator, self._locality = mixer, generator, locality
+        self._stochastic = mixer is not None or 0 < config.batch < shapes.shape[1]
+        self._mean: Tensor | None = None
+        if not self._stochastic:  # every step sees the same shapes: their ring mean is taken once
+            with torch.no_grad():
+                self._mean = network.mean(shapes)
         self.loss = float("inf")
         self.reconstruction = float("inf")
-        self.best = {k: v.detach().clone() for k, v in network.state_dict().items()}
+        self._best = {k: v.detach().clone() for k, v in network.state_dict().items()}
 
-    def keep_if_best(self, loss: float, reconstruction: float) -> None:
+    def start(self) -> None:
+        if self._config.initial == "pca":
+            x = _with_mixed(self._shapes, self._mixer, _INITIAL_MIXED)
+            self._network.start_from_components(x)
+
+    def step(self, epoch: int) -> tuple[float, ...]:
+        """One step on all shapes; gives the three weighted terms before it."""
+        network, config, N = self._network, self._config, self._shapes.shape[1]
+        batch = self._shapes
+        if 0 < config.batch < N:
+            drawn = torch.randperm(N, generator=self._generator)[: config.batch]
+            batch = batch[:, drawn.to(batch.device)]
+        batch = _with_mixed(batch, self._mixer, config.mixed_shapes)
+        for group in self._optimiser.param_groups:
+            group["lr"] = _learning_rate(config, epoch)
+        self._optimiser.zero_grad(set_to_none=True)
+        estimate, z = network(batch, self._mean)
+        error = losses.reconstruction(batch, estimate)
+        sparse = config.sparsity * losses.sparsity(network.C, self._locality.update(network.C))
+        spread = config.range_weight * losses.latent_range(z, config.range_limit)
+        loss = error + sparse + spread
+        loss.backward()
+        terms = error.item(), sparse.item(), spread.item()
+        if self._stochastic:
+            # The loss of one batch does not tell which weights are best; the newest are kept.
+            self.loss, self.reconstruction = sum(terms), terms[0]
+        elif epoch % _BEST_EVERY == 0 or epoch == config.epochs - 1:
+            self._keep_if_best(sum(terms), terms[0])
+        self._optimiser.step()
+        return terms
+
+    def network(self) -> MeshAutoencoder:
+        """The network of the least loss seen, where one batch tells it; else the newest."""
+        if not self._stochastic:
+            self._network.load_state_dict(self._best)
+        return self._network.cpu().eval()
+
+    def _keep_if_best(self, loss: float, reconstruction: float) -> None:
         if loss < self.loss:
             self.loss, self.reconstruction = loss, reconstruction
-            for name, value in self.network.state_dict().items():
-                self.best[name].copy_(value)
+            for name, value in self._network.state_dict().items():
+                self._best[name].copy_(value)
 
-    def save(self, folder: Path) -> None:
+    def state(self) -> State:
         tensors: dict[str, Tensor] = {}
-        for name, value in self.network.state_dict().items():
+        for name, value in self._network.state_dict().items():
             tensors[f"network.{name}"] = value
-            tensors[f"best.{name}"] = self.best[name]
-        for index, state in self.optimiser.state_dict()["state"].items():
+            tensors[f"best.{name}"] = self._best[name]
+        for index, state in self._optimiser.state_dict()["state"].items():
             for name, value in state.items():
                 tensors[f"adam.{index}.{name}"] = value
-        tensors["generator"] = self.generator.get_state()
-        status = {
-            "epoch": self.epoch,
-            "seconds": self.seconds,
-            "loss": self.loss,
-            "reconstruction": self.reconstruction,
-        }
-        save_checkpoint(folder, self.identity, status, tensors)
+        tensors["generator"] = self._generator.get_state()
+        return {"loss": self.loss, "reconstruction": self.reconstruction}, tensors
 
-    def load(self, folder: Path | None) -> None:
-        status, tensors = load_checkpoint(folder, self.identity)
+    def restore(self, status: dict[str, Any], tensors: dict[str, Tensor]) -> None:
         state: dict[int, dict[str, Tensor]] = {}
         for name, value in tensors.items():
             if name.startswith("adam."):
                 _, index, key = name.split(".")
                 state.setdefault(int(index), {})[key] = value
-        self.network.load_state_dict(_with_prefix(tensors, "network."))
+        self._network.load_state_dict(_with_prefix(tensors, "network."))
         for name, value in _with_prefix(tensors, "best.").items():
-            self.best[name].copy_(value)
-        groups = self.optimiser.state_dict()["param_groups"]
-        self.optimiser.load_state_dict({"state": state, "param_groups": groups})
-        self.generator.set_state(tensors["generator"])
-        self.epoch, self.seconds = status["epoch"], status["seconds"]
-        self.loss = status["loss"]
-        self.reconstruction = status["reconstruction"]
+            self._best[name].copy_(value)
+        groups = self._optimiser.state_dict()["param_groups"]
+        self._optimiser.load_state_dict({"state": state, "param_groups": groups})
+        self._generator.set_state(tensors["generator"])
+        self.loss, self.reconstruction = status["loss"], status["reconstruction"]
 
 
 def _with_prefix(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:
     return {k.removeprefix(prefix): v for k, v in tensors.items() if k.startswith(prefix)}
-
-
-def identity_of(x: FloatArray, config: ModelConfig, seed: int) -> dict[str, Any]:
-    """What decides a run on scaled features (N, V, 9); a checkpoint is good for no other."""
-    shapes = [*x.shape, float(np.abs(x).sum()), float(x.std())]
-    return {"config": config.as_dict(), "seed": seed, "shapes": shapes}
 
 
 def fit(
@@ -216,82 +210,20 @@ def fit(
     target = resolve_device(device)
     torch.manual_seed(seed)
     network = MeshAutoencoder(indptr, rings, config.components, config.layers).to(target)
-    optimiser = torch.optim.Adam(network.parameters(), lr=config.learning_rate, fused=True)
     shapes = torch.as_tensor(np.swapaxes(x, 0, 1), dtype=torch.float32).contiguous().to(target)
-    identity = identity_of(x, config, seed)
     generator = torch.Generator().manual_seed(seed)
     mixer = _Mixer(shapes, geodesics, generator) if config.mixed_shapes and len(x) > 1 else None
-    if config.initial == "pca" and not resume:
-        network.start_from_components(_with_mixed(shapes, mixer, _INITIAL_MIXED))
-    stochastic = mixer is not None or 0 < config.batch < len(x)
-    run = _Run(network, optimiser, mixer, generator, stochastic, identity)
-    if not stochastic:  # every step sees the same shapes: their ring mean is taken once
-        with torch.no_grad():
-            run.mean = network.mean(shapes)
-    if resume:
-        run.load(checkpoint)
     locality = losses.Locality(geodesics, config.d_min, config.d_max)
-    saved = begun = time.monotonic()
-    spent_before = run.seconds
-    interrupted = False
-    try:
-        with DeferredInterrupt() as interrupt:
-            while run.epoch < config.epochs and not interrupt.asked:
-                terms = _step(run, shapes, config, locality)
-                run.epoch += 1
-                run.seconds = spent_before + time.monotonic() - begun
-                if on_progress is not None:
-                    loss = sum(terms)
-                    on_progress(
-                        TrainingProgress("training", run.epoch, config.epochs, loss, *terms)
-                    )
-                if checkpoint is not None and time.monotonic() - saved > CHECKPOINT_SECONDS:
-                    run.save(checkpoint)
-                    saved = time.monotonic()
-        interrupted = interrupt.asked
-    except KeyboardInterrupt:  # from the callback: between two steps, too
-        interrupted = True
-    if interrupted and checkpoint is not None:
-        run.save(checkpoint)
-    if not run.stochastic:
-        network.load_state_dict(run.best)
-    return TrainingResult(
-        network.cpu().eval(),
-        run.loss,
-        run.reconstruction,
-        run.epoch,
-        run.seconds,
-        interrupted,
+    descent = _Descent(network, shapes, mixer, generator, locality, config)
+    course = run_training(
+        descent,
+        config.epochs,
+        identity_of(x, config, seed),
+        checkpoint=checkpoint,
+        resume=resume,
+        on_progress=on_progress,
     )
-
-
-def _step(
-    run: _Run, shapes: Tensor, config: ModelConfig, locality: losses.Locality
-) -> tuple[float, float, float]:
-    """One step on all shapes; returns the three weighted terms before the step."""
-    network, N = run.network, shapes.shape[1]
-    batch = shapes
-    if 0 < config.batch < N:
-        drawn = torch.randperm(N, generator=run.generator)[: config.batch]
-        batch = shapes[:, drawn.to(shapes.device)]
-    batch = _with_mixed(batch, run.mixer, config.mixed_shapes)
-    for group in run.optimiser.param_groups:
-        group["lr"] = _learning_rate(config, run.epoch)
-    run.optimiser.zero_grad(set_to_none=True)
-    estimate, z = network(batch, run.mean)
-    error = losses.reconstruction(batch, estimate)
-    sparse = config.sparsity * losses.sparsity(network.C, locality.update(network.C))
-    spread = config.range_weight * losses.latent_range(z, config.range_limit)
-    loss = error + sparse + spread
-    loss.backward()
-    terms = error.item(), sparse.item(), spread.item()
-    if run.stochastic:
-        # The loss of one batch does not tell which weights are best; the newest are kept.
-        run.loss, run.reconstruction = sum(terms), terms[0]
-    elif run.epoch % _BEST_EVERY == 0 or run.epoch == config.epochs - 1:
-        run.keep_if_best(sum(terms), terms[0])
-    run.optimiser.step()
-    return terms
+    return TrainingResult(descent.network(), descent.loss, descent.reconstruction, *course)
 
 
 def _with_mixed(x: Tensor, mixer: _Mixer | None, count: int) -> Tensor:

@@ -15,7 +15,6 @@ pose family of every shape.
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from pathlib import Path
 from typing import Annotated
@@ -29,6 +28,8 @@ from humanoid.rig import Rig
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
+
+from deformer.io import write_npz
 
 VERTICES = 3400
 
@@ -86,18 +87,6 @@ def _sound_pose(rig, inspector, kept, family, rng, t, tally) -> tuple[NDArray, R
     raise RuntimeError(f"no sound pose of the family {family.__name__} in 50 draws")
 
 
-def save(path: Path, arrays: dict[str, NDArray]) -> None:
-    """Write `arrays` to `path` at once: a reader sees the old file or the whole new one."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("wb") as file:
-            np.savez_compressed(file, **arrays)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
 def describe(reports: list[Report]) -> str:
     """The worst and the median of every measure, as lines of text."""
     lines = []
@@ -124,7 +113,8 @@ def main(
             raise
         console.print('anny is not installed: run  pip install "deformer\\[data]"')
         raise typer.Exit(1) from None
-    save(out, arrays)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_npz(out, arrays)
     n, v, _ = arrays["vertices"].shape
     console.print(f"{out}: {n} shapes, {v} vertices, {len(arrays['faces'])} faces, z up")
     console.print(describe(reports))

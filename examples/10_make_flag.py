@@ -14,7 +14,6 @@ at rest, the reference; the others are frames in order. `faces` int32 (F, 3).
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated
 
@@ -27,6 +26,8 @@ from flag.wind import turbulent_wind
 from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
+
+from deformer.io import write_npz
 
 RATE = 30  # frames a second
 WARM_UP = 1.5  # seconds from the flat start to the first frame
@@ -62,18 +63,6 @@ def make_set(
     return {"vertices": vertices.astype(np.float32), "faces": cloth.faces.astype(np.int32)}
 
 
-def save(path: Path, arrays: dict[str, NDArray]) -> None:
-    """Write `arrays` to `path` at once: a reader sees the old file or the whole new one."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("wb") as file:
-            np.savez_compressed(file, **arrays)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
 def describe(arrays: dict[str, NDArray], cloth: Cloth, progress: bool = False) -> str:
     """Swing, stretch and self-intersections of the frames, as lines of text."""
     rest, frames = arrays["vertices"][0], arrays["vertices"][1:]
@@ -107,7 +96,8 @@ def main(
     console = Console()
     cloth = rectangle()
     arrays = make_set(frames, seed, noise, cloth, progress=True)
-    save(out, arrays)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_npz(out, arrays)
     n, v, _ = arrays["vertices"].shape
     console.print(f"{out}: {n} shapes, {v} vertices, {len(arrays['faces'])} faces, z up")
     console.print(describe(arrays, cloth, progress=True))

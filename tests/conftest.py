@@ -1,10 +1,28 @@
 """What tests of several modules are given."""
 
+import importlib.util
+import json
 import sys
+from pathlib import Path
 
 import pytest
 
 from deformer_app import cli, console
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+@pytest.fixture(scope="session")
+def load_example():
+    """Give the module of a numbered example, by its file's name without suffix."""
+
+    def load(name):
+        spec = importlib.util.spec_from_file_location(f"example_{name}", EXAMPLES / f"{name}.py")
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module
+
+    return load
 
 
 @pytest.fixture
@@ -17,5 +35,35 @@ def run(capfd, monkeypatch):
         capfd.readouterr()
         status = console.run(cli.app, texts)
         return status, *capfd.readouterr()
+
+    return call
+
+
+@pytest.fixture
+def run_json(run):
+    """Run the command with --json; gives what it printed, and nothing else may be on stdout."""
+
+    def call(*arguments):
+        status, out, err = run(*arguments, "--json")
+        assert status == 0, err
+        assert out.count("\n") == 1
+        return json.loads(out)
+
+    return call
+
+
+@pytest.fixture
+def refuse(run):
+    """Run the command with a user's mistake; gives the one line on stderr."""
+
+    def call(*arguments):
+        status, out, err = run(*arguments)
+        assert status == 2, (out, err)
+        assert out == ""
+        last = err.splitlines()[-1]
+        assert err == last + "\n", "more than one line"
+        assert last.startswith("deformer: ")
+        assert "Traceback" not in err
+        return last
 
     return call

@@ -18,7 +18,7 @@ ORDER = [
     "geodesics", "rotations", "metrics", "symmetry", "strain",
     "rotation_field", "dissection", "cholesky", "denoising", "features", "differentials",
     "poisson", "mirroring",
-    "autoencoder", "decoder", "losses", "localised", "checkpoints", "training",
+    "autoencoder", "decoder", "losses", "localised", "checkpoints", "training_loop", "training",
     "factoring", "latent", "placement", "naming", "model",
     "activations", "components", "synthesis", "interpolation", "learning",
     "lanes", "packed", "surface", "landmarks", "objective", "basis", "handles", "uncertainty",

@@ -36,36 +36,6 @@ def model_path(shapes_path, tmp_path_factory):
     return path
 
 
-@pytest.fixture
-def run_json(run):
-    """Run the command with --json; gives what it printed, and nothing else may be on stdout."""
-
-    def call(*arguments):
-        status, out, err = run(*arguments, "--json")
-        assert status == 0, err
-        assert out.count("\n") == 1
-        return json.loads(out)
-
-    return call
-
-
-@pytest.fixture
-def refuse(run):
-    """Run the command with a user's mistake; gives the one line on stderr."""
-
-    def call(*arguments):
-        status, out, err = run(*arguments)
-        assert status == 2, (out, err)
-        assert out == ""
-        last = err.splitlines()[-1]
-        assert err == last + "\n", "more than one line"
-        assert last.startswith("deformer: ")
-        assert "Traceback" not in err
-        return last
-
-    return call
-
-
 def write_handles(path, frames, sequence=False):
     handles = [
         [{"vertex": int(vertex), "position": list(map(float, p))} for vertex, p in frame.items()]

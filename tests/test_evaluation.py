@@ -106,6 +106,28 @@ def test_fewer_test_shapes_of_a_sequence_follow_each_other():
     assert limited((1, 2), 5, ordered=False) == (1, 2)
 
 
+def test_epochs_only_make_trainings_shorter(source):
+    """The default's rounds are fewer than the steps of Adam that a quick look allows."""
+    methods = "autoencoder", "autoencoder-paper", "linear-components", "tiny"
+
+    def epochs(limit):
+        jobs = make_plan([study(source, *methods, epochs=limit, components=(4,), pictures=False)])
+        return {job.training.method: job.training.setting.epochs for job in jobs}
+
+    rounds, steps = PRESETS["default"].epochs, PRESETS["paper"].epochs
+    assert rounds < QUICK["epochs"] < steps
+    assert epochs(None) == dict.fromkeys(methods)
+    assert epochs(7) == {**dict.fromkeys(methods[:3], 7), "tiny": None}
+    assert epochs(QUICK["epochs"]) == {
+        "autoencoder": None,
+        "autoencoder-paper": QUICK["epochs"],
+        "linear-components": QUICK["epochs"],
+        "tiny": None,
+    }
+    # What is not made shorter is the same training, and its cells are not computed again.
+    assert epochs(steps) == epochs(steps + 1) == epochs(None)
+
+
 class Spy(TinyPCA):
     """Remembers what it was shown."""
 

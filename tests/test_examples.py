@@ -1,7 +1,5 @@
 """The examples run, at reduced size, and each shows what it says."""
 
-import importlib.util
-import sys
 from pathlib import Path
 
 import pytest
@@ -12,21 +10,16 @@ EXAMPLES = ROOT / "examples"
 
 
 @pytest.fixture
-def run(tmp_path, monkeypatch):
+def run(load_example, tmp_path):
     """Run an example's main; its picture must be one."""
-    monkeypatch.syspath_prepend(str(EXAMPLES))
 
     def call(name):
-        spec = importlib.util.spec_from_file_location(f"example_{name}", EXAMPLES / f"{name}.py")
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
         picture = tmp_path / f"{name}.png"
-        result = module.main(picture, quick=True)
+        result = load_example(name).main(picture, quick=True)
         assert Image.open(picture).convert("L").getextrema()[0] < 128
         return result
 
-    yield call
-    sys.modules.pop("tube", None)
+    return call
 
 
 def test_features_hold_two_turns(run):

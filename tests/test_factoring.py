@@ -87,6 +87,18 @@ def test_resuming_is_exact(data, stops, tmp_path):
     assert resumed.seconds > part.seconds
 
 
+def test_resuming_makes_no_start_of_its_own(data, tmp_path, monkeypatch):
+    begun = []
+    monkeypatch.setattr(
+        Factorisation, "start", lambda self, start=Factorisation.start: begun.append(start(self))
+    )
+    options = {"checkpoint": tmp_path}
+    factor(*data, CONFIG, **options, on_progress=stop_after(2))
+    assert len(begun) == 1
+    factor(*data, CONFIG, **options, resume=True)
+    assert len(begun) == 1
+
+
 def test_control_c_ends_after_the_round_under_way(data, tmp_path, monkeypatch):
     calls = []
     move = Factorisation.move_centres

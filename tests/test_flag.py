@@ -1,25 +1,18 @@
 """The simulated flag: cloth and wind obey their laws, and a seed decides the whole set."""
 
-import importlib.util
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-EXAMPLES = Path(__file__).parents[1] / "examples"
-sys.path.insert(0, str(EXAMPLES))
-
-from flag.cloth import AIR, GRAVITY, Fabric, Simulation, rectangle  # noqa: E402
-from flag.noise import CORNER_GAIN, add_noise, noise_profile  # noqa: E402
-from flag.quality import (  # noqa: E402
+from flag.cloth import AIR, GRAVITY, Fabric, Simulation, rectangle
+from flag.noise import CORNER_GAIN, add_noise, noise_profile
+from flag.quality import (
     count_intersections,
     edges_of,
     stretches,
     swing_angles,
 )
-from flag.wind import still_air, turbulent_wind  # noqa: E402
+from flag.wind import still_air, turbulent_wind
 
 COLUMNS, ROWS, SPACING = 19, 13, 0.08
 
@@ -33,11 +26,8 @@ def untied(cloth):
 
 
 @pytest.fixture(scope="module")
-def example():
-    spec = importlib.util.spec_from_file_location("make_flag", EXAMPLES / "10_make_flag.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def example(load_example):
+    return load_example("10_make_flag")
 
 
 @pytest.fixture(scope="module")
@@ -209,6 +199,16 @@ def test_a_seed_decides_the_set(example, flown):
     other = example.make_set(3, seed=4, cloth=small())
     np.testing.assert_array_equal(again["vertices"], flown["vertices"][:4])
     assert np.abs(other["vertices"] - again["vertices"]).max() > 0.01
+
+
+def test_the_written_file_holds_the_set(example, flown, tmp_path, monkeypatch):
+    monkeypatch.setattr(example, "rectangle", small)
+    example.main(tmp_path / "deep" / "flag.npz", frames=2, seed=3)
+    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["flag.npz"]
+    with np.load(tmp_path / "deep" / "flag.npz") as stored:
+        np.testing.assert_array_equal(stored["vertices"], flown["vertices"][:3])
+        np.testing.assert_array_equal(stored["faces"], flown["faces"])
+        assert stored["vertices"].dtype == np.float32 and stored["faces"].dtype == np.int32
 
 
 def test_noise_is_worst_at_the_free_corners_and_spares_the_reference(example):

@@ -1,24 +1,12 @@
 """The comparison of components on the noisy flag: its measures are what they say."""
 
-import importlib.util
 import json
-import sys
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
-
-import deformer
-from deformer import Mesh, MeshSequence
-from deformer.baselines.edges import EdgeSplocs
-
-EXAMPLES = Path(__file__).parents[1] / "examples"
-sys.path.insert(0, str(EXAMPLES))
-
-from flag.cloth import Fabric, Simulation, rectangle  # noqa: E402
-from flag.comparison import (  # noqa: E402
+from flag.cloth import Fabric, Simulation, rectangle
+from flag.comparison import (
     EdgeComponents,
     NetworkComponents,
     corner_shares,
@@ -28,9 +16,14 @@ from flag.comparison import (  # noqa: E402
     strongest,
     swing_explained,
 )
-from flag.noise import add_noise  # noqa: E402
-from flag.quality import swing_angles  # noqa: E402
-from flag.wind import turbulent_wind  # noqa: E402
+from flag.noise import add_noise
+from flag.quality import swing_angles
+from flag.wind import turbulent_wind
+from PIL import Image
+
+import deformer
+from deformer import Mesh, MeshSequence
+from deformer.baselines.edges import EdgeSplocs
 
 COLUMNS, ROWS = 13, 9
 
@@ -160,12 +153,8 @@ def test_strength_of_a_network_component_is_the_farther_end():
                 assert far <= components.strengths[k]
 
 
-def test_the_example_runs_and_its_model_is_kept(tmp_path, monkeypatch):
-    spec = importlib.util.spec_from_file_location(
-        "flag_components", EXAMPLES / "11_flag_components.py"
-    )
-    example = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(example)
+def test_the_example_runs_and_its_model_is_kept(load_example, tmp_path, monkeypatch):
+    example = load_example("11_flag_components")
     clean = frames().vertices
     noisy = add_noise(clean, 0.002, np.random.default_rng(0))
     files = [tmp_path / "clean.npz", tmp_path / "noisy.npz"]
@@ -180,7 +169,9 @@ def test_the_example_runs_and_its_model_is_kept(tmp_path, monkeypatch):
     assert Image.open(out / "components.png").width > 5 * 60
     model = deformer.load_model(out / "model")
     assert model.split == {"train": [0, 5, 10, 15, 20], "test": model.split["test"]}
-    assert Mesh(noisy[0], frames().faces).vertices == pytest.approx(model.reference.vertices)
+    # The noise that was put there is taken off before training.
+    left, put = (np.abs(shape - clean[0]).mean() for shape in (model.reference.vertices, noisy[0]))
+    assert left < 0.8 * put
     before = (out / "model" / "weights.safetensors").stat().st_mtime_ns
     example.main(*files, out, components=4, epochs=3, stills=2)
     assert (out / "model" / "weights.safetensors").stat().st_mtime_ns == before

@@ -1,30 +1,16 @@
 """The generated humanoid set: one sound connectivity, sound shapes, the same for a seed."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 pytest.importorskip("anny", reason="the humanoid set needs anny: pip install 'deformer[data]'")
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
 POSES, VERTICES = 9, 3400
 
 
 @pytest.fixture(scope="module")
-def example():
-    sys.path.insert(0, str(EXAMPLES))
-    try:
-        spec = importlib.util.spec_from_file_location(
-            "make_humanoid", EXAMPLES / "01_make_humanoid.py"
-        )
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-        yield module
-    finally:
-        sys.path.remove(str(EXAMPLES))
+def example(load_example):
+    return load_example("01_make_humanoid")
 
 
 @pytest.fixture(scope="module")
@@ -99,8 +85,9 @@ def test_same_seed_same_set_other_seed_other_set(example):
     assert np.abs(one["vertices"][1] - other["vertices"][1]).max() > 1e-3
 
 
-def test_saved_file_needs_no_pickle(example, made, tmp_path):
-    example.save(tmp_path / "deep" / "set.npz", made[0])
+def test_written_file_needs_no_pickle(example, made, tmp_path, monkeypatch):
+    monkeypatch.setattr(example, "make_set", lambda *_, **__: made)
+    example.main(tmp_path / "deep" / "set.npz", POSES)
     with np.load(tmp_path / "deep" / "set.npz", allow_pickle=False) as stored:
         np.testing.assert_array_equal(stored["vertices"], made[0]["vertices"])
         assert stored["names"].tolist() == made[0]["names"].tolist()

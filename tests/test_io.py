@@ -501,6 +501,34 @@ def npz(path, **changes):
     return path
 
 
+def test_written_arrays_keep_their_types(tmp_path):
+    arrays = {"vertices": np.eye(3, dtype="f4")[None], "faces": np.array([[0, 1, 2]], "i4")}
+    io.write_npz(tmp_path / "no-suffix", arrays | {"names": np.array(["rest"])})
+    assert [path.name for path in tmp_path.iterdir()] == ["no-suffix"]
+    with np.load(tmp_path / "no-suffix", allow_pickle=False) as stored:
+        assert sorted(stored) == ["faces", "names", "vertices"]
+        assert stored["names"].tolist() == ["rest"]
+        for name, array in arrays.items():
+            assert stored[name].dtype == array.dtype
+            np.testing.assert_array_equal(stored[name], array)
+    assert "create it first" in refusal(io.write_npz, tmp_path / "gone" / "a.npz", arrays)
+
+
+def test_written_arrays_replace_a_file_at_the_end(tmp_path, monkeypatch):
+    io.write_npz(tmp_path / "a.npz", {"faces": np.zeros(3)})
+    before = (tmp_path / "a.npz").read_bytes()
+
+    def full(stream, **_):
+        stream.write(b"half a file")
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr(np, "savez_compressed", full)
+    with pytest.raises(OSError, match="no space"):
+        io.write_npz(tmp_path / "a.npz", {"faces": np.ones(3)})
+    assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
+    assert (tmp_path / "a.npz").read_bytes() == before
+
+
 def test_npz_takes_one_shape_and_ignores_other_arrays(tmp_path):
     path = npz(tmp_path / "a.npz", vertices=np.eye(3, dtype="f4"), rest=np.array([{}], object))
     assert io.load_shapes(path).vertices.shape == (1, 3, 3)

@@ -65,6 +65,7 @@ def test_no_step_raises_the_objective():
     data = 3.0 * noise(seed=4)
     for signed in (True, False):
         problem = Factorisation(data, distances, 6, LocalisedSettings(sparsity=5.0, signed=signed))
+        problem.start()
         value = problem.objective()
         for _ in range(20):
             for step in (problem.fit_weights, problem.move_centres, problem.fit_components):
@@ -73,9 +74,33 @@ def test_no_step_raises_the_objective():
                 assert value <= before * (1 + 1e-12), step
 
 
+@pytest.mark.parametrize("precision", [np.float32, np.float64])
+def test_a_restored_state_goes_on_as_if_never_stopped(precision):
+    """And makes no greedy start of its own."""
+    data = noise(seed=2).astype(precision)
+    whole = Factorisation(data, distances, 5, LocalisedSettings())
+    whole.start()
+    for _ in range(3):
+        whole.round()
+    state = {name: array.copy() for name, array in whole.state.items()}
+    other = Factorisation(data, distances, 5, LocalisedSettings())
+    assert not other.W.any() and not other.C.any()
+    other.restore(state)
+    assert other.terms() == whole.terms()
+    for _ in range(4):
+        whole.round()
+        other.round()
+    assert other.state.keys() == whole.state.keys()
+    for name, array in whole.state.items():
+        assert array.dtype == (np.int64 if name == "centres" else precision)
+        np.testing.assert_array_equal(other.state[name], array)
+    assert other.terms() == whole.terms()
+
+
 def test_weights_and_component_are_scaled_together():
     data = noise()
     problem = Factorisation(data, distances, 1, LocalisedSettings(sparsity=0.0))
+    problem.start()
     along = problem.C[0] / np.linalg.norm(problem.C[0])
     problem.C *= 3.0
     problem.fit_weights()

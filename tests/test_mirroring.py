@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from deformer import mirroring
+from deformer.features import features_to_gradients
 from deformer.mesh import MeshSequence
 from deformer.metrics import e_rms
-from deformer.mirroring import images_explain, mirror_images
+from deformer.mirroring import _unexplained, images_explain, mirror_images, reflected
 from shapes import strip
 
 
@@ -40,6 +42,50 @@ def test_an_image_has_the_wings_changed_over():
     assert e_rms(wanted.vertices, shapes.vertices, "none") > 50.0
 
 
+def test_reflected_features_are_those_of_reflected_gradients():
+    rng = np.random.default_rng(0)
+    q = rng.normal(size=(5, 7, 9))  # rotations beyond a half turn among them
+    normal = rng.normal(size=3)
+    normal /= np.linalg.norm(normal)
+    M = np.eye(3) - 2.0 * np.outer(normal, normal)
+    np.testing.assert_allclose(
+        features_to_gradients(reflected(q, normal)), M @ features_to_gradients(q) @ M, atol=1e-12
+    )
+    np.testing.assert_allclose(reflected(reflected(q, normal), normal), q, atol=1e-12)
+
+
+def test_an_image_lies_opposite_to_its_shape(monkeypatch):
+    """Wherever the shapes lie; and it does not matter how many are mirrored at a time."""
+    still = sheet([(0.0, 0.0), (0.7, 0.0), (0.2, -0.5), (0.0, 0.9), (0.3, 0.3)])
+    away = np.array([[0, 0, 0], [3, 0, 0], [0, 2, 1], [-1, 0, 5], [2, 2, 2]], float)
+    shapes = MeshSequence(still.vertices + away[:, None], still.faces)
+    monkeypatch.setattr(mirroring, "_BATCH", 2)
+    images, plane = mirror_images(shapes)
+    np.testing.assert_allclose(
+        images.mean(axis=1), plane.mirror(shapes.vertices.mean(axis=1)), atol=1e-12
+    )
+    whole = mirror_images(still)[0]
+    for image, other in zip(images, whole, strict=True):
+        np.testing.assert_allclose(
+            image - image.mean(axis=0), other - other.mean(axis=0), atol=1e-9
+        )
+
+
+@pytest.mark.parametrize("rest", [0, 1, 3])
+def test_the_plane_is_that_of_the_most_symmetric_shape(rest):
+    poses = [(0.7, 0.0), (0.2, -0.5), (0.0, 0.9), (0.4, 0.1)]
+    poses[rest] = (0.0, 0.0)
+    assert mirror_images(sheet(poses))[1].error < 1e-6
+
+
+def test_faces_without_area_are_no_obstacle():
+    """No barycentric coordinates say which of their points is meant."""
+    shapes = sheet([(0.0, 0.0), (0.4, 0.0)])
+    dots = np.repeat(np.arange(shapes.vertices.shape[1])[:, None], 3, axis=1)
+    dotted = MeshSequence(shapes.vertices, np.concatenate([dots, shapes.faces]))
+    np.testing.assert_allclose(mirror_images(dotted)[0], mirror_images(shapes)[0], atol=1e-6)
+
+
 def test_what_is_crooked_stays_where_it_is():
     """The image of the shape at rest is that shape, though its two halves differ."""
     shapes = sheet([(0.0, 0.0), (0.6, 0.0)], skew=0.05)
@@ -61,6 +107,36 @@ def test_images_of_a_one_sided_motion_explain_the_other_side():
     lonely = np.concatenate([x[:1], 5.0 * rng.normal(size=(6, 30, 9))])
     assert images_explain(lonely, np.roll(lonely, 1, axis=0))
     assert not images_explain(lonely, lonely)
+
+
+def test_what_is_left_is_that_of_ridge_regression():
+    """Against the regression written out, about the mean, with rows and not inner products."""
+    rng = np.random.default_rng(1)
+    x, images = rng.normal(size=(2, 6, 40)) + 3.0
+    basis, own = np.concatenate([x, images]), np.tile(np.arange(6), 2)
+    total = 0.0
+    for n, goal in enumerate(x):
+        rows = basis[own != n]
+        mean = rows.mean(axis=0)
+        A = (rows - mean).T
+        ridge = 0.01 * (A**2).sum() / len(rows) * np.eye(len(rows))
+        weights = np.linalg.solve(A.T @ A + ridge, A.T @ (goal - mean))
+        total += ((goal - mean - A @ weights) ** 2).sum()
+    assert _unexplained(x, basis, own) == pytest.approx(total, rel=1e-10)
+
+
+@pytest.mark.parametrize("same", [0, 1, 3, 20])
+def test_images_have_to_explain_a_tenth(same):
+    """Of examples that have nothing in common: as many as have another's image for their twin."""
+    frame = np.linalg.qr(np.random.default_rng(2).normal(size=(90, 40)))[0].T
+    x, images = frame[:20], frame[20:].copy()
+    images[:same] = np.roll(x, 1, axis=0)[:same]
+    assert images_explain(x.reshape(20, -1, 9), images.reshape(20, -1, 9)) == (same / 20 > 0.1)
+
+
+def test_images_of_shapes_that_are_all_alike_explain_nothing():
+    still = np.ones((5, 4, 9))
+    assert not images_explain(still, still)
 
 
 @pytest.mark.parametrize("count", [2, 3])

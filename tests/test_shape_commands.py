@@ -17,41 +17,16 @@ def model_path(tmp_path):
     return tmp_path / "model"
 
 
-@pytest.fixture
-def made(run):
-    """Run the command with --json; gives what it printed."""
-
-    def call(*arguments):
-        status, out, err = run(*arguments, "--json")
-        assert status == 0, err
-        return json.loads(out)
-
-    return call
-
-
-@pytest.fixture
-def refused(run):
-    """Run the command with a user's mistake; gives the one line on stderr."""
-
-    def call(*arguments):
-        status, out, err = run(*arguments)
-        assert status == 2, (out, err)
-        assert out == "" and err.count("\n") == 1 and err.startswith("deformer: "), err
-        return err
-
-    return call
-
-
 @pytest.mark.parametrize("command", ["components", "name", "synthesize", "interpolate", "encode"])
 def test_help_has_an_example(run, command):
     status, out, _ = run(command, "--help")
     assert status == 0 and f"deformer {command}" in out and "--json" in out
 
 
-def test_components_writes_what_it_says(made, run, model_path, tmp_path):
+def test_components_writes_what_it_says(run_json, run, model_path, tmp_path):
     folder = tmp_path / "components"
     deformer.save_names(model_path, {1: "nod"})
-    result = made("components", model_path, "-o", folder, "--top", 2, "--turntable", 2)
+    result = run_json("components", model_path, "-o", folder, "--top", 2, "--turntable", 2)
     rows = list(csv.DictReader((folder / "components.csv").open(encoding="utf-8")))
     order = deformer.Activations(small_model()).order[:2].tolist()
     assert [int(row["index"]) for row in rows] == order
@@ -70,34 +45,34 @@ def test_components_writes_what_it_says(made, run, model_path, tmp_path):
     assert status == 0 and "1 nod" in out
 
 
-def test_names_are_kept_and_used(made, refused, model_path, tmp_path):
-    found = made("name", model_path, "3=left arm up", "1=nod")
+def test_names_are_kept_and_used(run_json, refuse, model_path, tmp_path):
+    found = run_json("name", model_path, "3=left arm up", "1=nod")
     assert found["names"] == {"1": "nod", "3": "left arm up"}
-    assert made("info", model_path)["names"] == found["names"]
-    by_name = made(
+    assert run_json("info", model_path)["names"] == found["names"]
+    by_name = run_json(
         "synthesize", model_path, "--weights", "left arm up=0.5", "-o", tmp_path / "a.ply"
     )
-    by_index = made("synthesize", model_path, "--weights", "3=0.5", "-o", tmp_path / "b.ply")
+    by_index = run_json("synthesize", model_path, "--weights", "3=0.5", "-o", tmp_path / "b.ply")
     assert by_name["z"] == by_index["z"]
-    assert made("name", model_path, "nod=")["names"] == {"3": "left arm up"}
-    assert made("name", model_path, "0=bow", "-o", tmp_path / "copy")["names"]["0"] == "bow"
-    assert "0" not in made("info", model_path)["names"]
-    assert "expected COMPONENT=NAME" in refused("name", model_path, "3")
-    assert "no name" in refused("name", model_path, "3=4")
+    assert run_json("name", model_path, "nod=")["names"] == {"3": "left arm up"}
+    assert run_json("name", model_path, "0=bow", "-o", tmp_path / "copy")["names"]["0"] == "bow"
+    assert "0" not in run_json("info", model_path)["names"]
+    assert "expected COMPONENT=NAME" in refuse("name", model_path, "3")
+    assert "no name" in refuse("name", model_path, "3=4")
 
 
-def test_weights_make_a_mesh(made, model_path, tmp_path):
+def test_weights_make_a_mesh(run_json, model_path, tmp_path):
     out = tmp_path / "pose.obj"
-    result = made("synthesize", model_path, "--weights", "2=0.8,4=-1.2", "-o", out)
+    result = run_json("synthesize", model_path, "--weights", "2=0.8,4=-1.2", "-o", out)
     expected = deformer.Synthesis(small_model()).shape({2: 0.8, 4: -1.2})
     np.testing.assert_allclose(deformer.load_mesh(out).vertices, expected, atol=1e-5)
-    started = made("synthesize", model_path, "--weights", "2=0", "--from", "5", "-o", out)
+    started = run_json("synthesize", model_path, "--weights", "2=0", "--from", "5", "-o", out)
     np.testing.assert_allclose(started["z"], small_model().codes[5])
     code = tmp_path / "code.json"
     code.write_text(json.dumps({"z": result["z"]}))
-    again = made("synthesize", model_path, "--weights", "2=0", "--from", code, "-o", out)
+    again = run_json("synthesize", model_path, "--weights", "2=0", "--from", code, "-o", out)
     np.testing.assert_allclose(again["z"], result["z"])
-    straight = made(
+    straight = run_json(
         "synthesize", model_path, "--weights", "2=2", "--ways", "linear", "-o", tmp_path / "l.ply"
     )
     assert straight["way"] == "linear"
@@ -106,17 +81,17 @@ def test_weights_make_a_mesh(made, model_path, tmp_path):
     np.testing.assert_allclose(found, expected, atol=1e-5)
 
 
-def test_onto_another_model(made, model_path, tmp_path):
+def test_onto_another_model(run_json, model_path, tmp_path):
     """Carried over to itself, a deformation is what it was."""
     out = tmp_path / "pose.ply"
-    made("synthesize", model_path, "--weights", "2=1", "--onto", model_path, "-o", out)
+    run_json("synthesize", model_path, "--weights", "2=1", "--onto", model_path, "-o", out)
     expected = deformer.Synthesis(small_model()).shape({2: 1.0})
     np.testing.assert_allclose(deformer.load_mesh(out).vertices, expected, atol=1e-5)
 
 
-def test_sweeps_make_sheet_animation_and_sequence(made, model_path, tmp_path):
+def test_sweeps_make_sheet_animation_and_sequence(run_json, model_path, tmp_path):
     folder = tmp_path / "sweeps"
-    result = made(
+    result = run_json(
         "synthesize", model_path, "--sweep", "2=-1:1:3", "--sweep", "4=0:1:3", "--weights",
         "5=0.5", "--ways", "latent,linear", "-o", folder,
     )  # fmt: skip
@@ -129,19 +104,19 @@ def test_sweeps_make_sheet_animation_and_sequence(made, model_path, tmp_path):
     assert Image.open(folder / "sweep-0.gif").n_frames == 4  # there and back
 
 
-def test_random_shapes_are_near_the_examples(made, model_path, tmp_path):
+def test_random_shapes_are_near_the_examples(run_json, model_path, tmp_path):
     folder = tmp_path / "crowd"
-    result = made("synthesize", model_path, "--random", 3, "--bound", 0.5, "-o", folder)
+    result = run_json("synthesize", model_path, "--random", 3, "--bound", 0.5, "-o", folder)
     assert max(result["familiarity"]) <= 0.5 + 1e-9
     shapes = deformer.load_shapes(folder / "shapes.npz").vertices
     np.testing.assert_allclose(shapes, small_model().decode(np.array(result["codes"])), atol=1e-6)
 
 
-def test_interpolation_of_three_ways(made, model_path, tmp_path):
+def test_interpolation_of_three_ways(run_json, model_path, tmp_path):
     mesh = tmp_path / "key.ply"
     deformer.save_mesh(mesh, sequence().mesh(3))
     folder = tmp_path / "path"
-    result = made("interpolate", model_path, "9", mesh, "reference", "-o", folder, "--steps", 3)
+    result = run_json("interpolate", model_path, "9", mesh, "reference", "-o", folder, "--steps", 3)
     assert list(result["ways"]) == ["latent", "features", "linear"]
     ratios = [result["ways"][way]["shortest_total"] for way in ("latent", "features", "linear")]
     assert min(ratios[:2]) > ratios[2]
@@ -151,21 +126,21 @@ def test_interpolation_of_three_ways(made, model_path, tmp_path):
     assert (folder / "sheet.png").is_file() and (folder / "path.gif").is_file()
 
 
-def test_encode_says_how_well_a_shape_is_reproduced(made, refused, model_path, tmp_path):
+def test_encode_says_how_well_a_shape_is_reproduced(run_json, refuse, model_path, tmp_path):
     mesh, code = tmp_path / "unseen.ply", tmp_path / "code.json"
     unseen = 0.5 * (sequence().vertices[2] + sequence().vertices[3])
     deformer.save_mesh(mesh, deformer.Mesh(unseen, sequence().faces))
-    found = made("encode", model_path, mesh, "-o", code)
+    found = run_json("encode", model_path, mesh, "-o", code)
     decoded = small_model().decode(np.array(found["z"]))
     assert found["e_rms"] == pytest.approx(deformer.e_rms(unseen, decoded), rel=1e-3)
     assert found["e_rms"] <= found["e_rms_of_encoder"]
     assert json.loads(code.read_text())["z"] == found["z"]
-    quick = made("encode", model_path, mesh, "--quick", "-o", tmp_path / "found.ply")
+    quick = run_json("encode", model_path, mesh, "--quick", "-o", tmp_path / "found.ply")
     assert quick["e_rms"] == pytest.approx(found["e_rms_of_encoder"], rel=1e-6)
     again = deformer.load_mesh(tmp_path / "found.ply").vertices
     assert deformer.e_rms(unseen, again, "none") == pytest.approx(quick["e_rms"], rel=1e-3)
     deformer.save_mesh(mesh, deformer.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
-    assert "connectivity" in refused("encode", model_path, mesh)
+    assert "connectivity" in refuse("encode", model_path, mesh)
 
 
 @pytest.mark.parametrize(
@@ -186,10 +161,10 @@ def test_encode_says_how_well_a_shape_is_reproduced(made, refused, model_path, t
         (["--weights", "2=1", "--from", "no.ply", "-o", "a.ply"], "no.ply"),
     ],
 )
-def test_mistakes_of_synthesize(refused, model_path, monkeypatch, tmp_path, arguments, words):
+def test_mistakes_of_synthesize(refuse, model_path, monkeypatch, tmp_path, arguments, words):
     monkeypatch.chdir(tmp_path)
-    assert words in refused("synthesize", model_path, *arguments)
+    assert words in refuse("synthesize", model_path, *arguments)
 
 
-def test_interpolate_needs_two(refused, model_path, tmp_path):
-    assert "two or more" in refused("interpolate", model_path, "3", "-o", tmp_path / "x")
+def test_interpolate_needs_two(refuse, model_path, tmp_path):
+    assert "two or more" in refuse("interpolate", model_path, "3", "-o", tmp_path / "x")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import deformer
 from deformer import InputError, doctor
-from deformer.training import TrainingProgress
+from deformer.training_loop import TrainingProgress
 
 
 class TrainingJob:

@@ -11,6 +11,7 @@ import json
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
+from deformer.autoencoder import PRESETS
 from deformer.errors import InputError
 from deformer.evaluation.material import Source
 from deformer.evaluation.methods import NETWORKS, Setting, known_methods, offers_codes
@@ -49,7 +50,8 @@ class Study:
         counts: numbers of control points.
         splits: how many splits are drawn, or the splits.
         seeds: draws of the first control point for each split.
-        epochs: training steps of the networks; None keeps their configurations'.
+        epochs: at most so many training steps of a network; those of its configuration where
+            they are fewer, or with None.
         tests: measure on at most so many test shapes.
         model: the trained model that the method "model" stands for.
         pictures: whether an example of each method is kept.
@@ -265,7 +267,10 @@ def _of_method(study: Study, base: Training, test: tuple[int, ...]) -> list[tupl
 def _setting(study: Study, method: str) -> Setting:
     if method == "model" and study.model is not None:
         return study.model
-    return Setting(epochs=study.epochs) if method in NETWORKS else Setting()
+    if method not in NETWORKS or study.epochs is None:
+        return Setting()
+    usual = PRESETS[NETWORKS[method].config].epochs
+    return Setting(epochs=study.epochs if study.epochs < usual else None)
 
 
 def _digest(**facts: Any) -> str:

@@ -61,7 +61,7 @@ def paper_studies(
     Args:
         sources: of `paper_sources`.
         methods: those to compare; None compares all.
-        epochs: training steps of the networks; None keeps their configurations'.
+        epochs: as of `Study`.
         tests: measure on at most so many test shapes; None is the default of each study.
     """
     chosen = methods or known_methods()
