@@ -15,7 +15,7 @@ from deformer.metrics import vertex_errors
 
 # Name → what a person reads.
 COLOURINGS = {
-    "plain": "Nothing",
+    "plain": "Plain",
     "displacement": "Displacement",
     "stretch": "Stretch",
     "component": "Component",

@@ -8,7 +8,7 @@ Everything here runs on the thread of the window.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -79,9 +79,13 @@ class MeshView:
     Args:
         plotter: of any kind; its lights and its interactor's style are replaced.
         theme: colours.
+        density: tells how many of VTK's pixels lie along each side of one that a person aims at;
+            asked again with every use, as a window may be moved to another screen.
     """
 
-    def __init__(self, plotter: Any, theme: Theme = LIGHT) -> None:
+    def __init__(
+        self, plotter: Any, theme: Theme = LIGHT, density: Callable[[], float] = lambda: 1.0
+    ) -> None:
         """Set up lights, layers and picking; there is no mesh yet."""
         self.plotter = plotter
         self.theme = theme
@@ -94,7 +98,7 @@ class MeshView:
         self._smooth = True
         self._edges = False
         self._sharp = False
-        self._density = 1.0
+        self._screen, self._density = density, 1.0
         self._picker = vtkCellPicker()
         self._picker.SetTolerance(0.0)
         self._picker.PickFromListOn()
@@ -135,9 +139,8 @@ class MeshView:
 
     @property
     def density(self) -> float:
-        """VTK's pixels along each side of one of the picture; the screen it is on decides."""
-        ratio = getattr(self.plotter, "devicePixelRatioF", None)  # of Qt's widgets
-        return 1.0 if ratio is None else float(ratio())
+        """VTK's pixels along each side of one of the picture."""
+        return self._screen()
 
     def set_theme(self, theme: Theme) -> None:
         """Change the colours."""

@@ -61,7 +61,7 @@ class Recorder:
 
 
 class _Film(Sequence[Picture]):
-    """Compressed pictures, by the number of each to show."""
+    """Compressed pictures, by the number of each to show; all as large as the last one."""
 
     def __init__(self, frames: Sequence[bytes], shown: Sequence[int]) -> None:
         self._frames, self._shown = frames, shown
@@ -72,7 +72,9 @@ class _Film(Sequence[Picture]):
     def __getitem__(self, place: Any) -> Any:
         if isinstance(place, slice):
             return _Film(self._frames, self._shown[place])
-        return np.asarray(Image.open(BytesIO(self._frames[self._shown[place]])))
+        picture = Image.open(BytesIO(self._frames[self._shown[place]]))
+        size = Image.open(BytesIO(self._frames[-1])).size  # the window may have been resized
+        return np.asarray(picture if picture.size == size else picture.resize(size))
 
 
 def turntable(editor: Editor, path: Path) -> Iterator[None]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
-from PySide6.QtCore import QObject, Qt, QTimer, Signal
+from PySide6.QtCore import QByteArray, QObject, Qt, QTimer, Signal
 from PySide6.QtGui import QAction, QCloseEvent, QColor, QFont, QKeySequence, QPalette, QShortcut
 from PySide6.QtWidgets import (
     QApplication,
@@ -19,6 +19,7 @@ from PySide6.QtWidgets import (
     QMainWindow,
     QMenu,
     QMessageBox,
+    QProgressBar,
     QPushButton,
     QToolBar,
     QVBoxLayout,
@@ -27,22 +28,24 @@ from PySide6.QtWidgets import (
 from pyvistaqt import QtInteractor
 
 from deformer import InputError
-from deformer_app.actions import ACTIONS, MENUS, MOUSE, Action
+from deformer_app.actions import ACTIONS, MENUS, Action, help_groups
 from deformer_app.editor import Editor
 from deformer_app.events import listen
 from deformer_app.mesh_view import MeshView
 from deformer_app.panels import ComponentPanel, HandlePanel, ModelPanel
 from deformer_app.places import Places
-from deformer_app.recording import Recorder, save_animation, turntable
+from deformer_app.recording import Recorder, saving, turntable
 from deformer_app.session import Session
 from deformer_app.training_dialog import TrainingDialog
 
 _TICK = 4  # milliseconds between two looks at the solver while something is going on
 _PANELS = 120  # milliseconds after a change until the docks show it
 _AUTOSAVE = 1500  # milliseconds after a step until it is written
+_PATIENCE = 700  # milliseconds of preparation after which the user is told
 _MOVIES = "Animations (*.gif *.mp4)"
 _TOOLBAR = {"Undo", "Redo", "Manipulator: move", "Manipulator: rotate", "Manipulator: scale",
             "Paint region", "Mirror", "Suggest next handle", "Frame all"}  # fmt: skip
+_HELP_COLUMNS = (("Mouse", "Help"), ("File", "Edit"), ("Handles",), ("View",))
 _TOUR = (
     ("Press the left button on a hand and pull it. The rest follows as in the examples.", "drag"),
     ("Drag beside the body to look around it; the wheel zooms to the cursor.", "camera"),
@@ -94,12 +97,23 @@ class Window(QMainWindow):
             "#d0ebff", ("Next", self._next_step), ("End tour", self._end_tour)
         )
         self.plotter = QtInteractor(centre, auto_update=False, multi_samples=0)
-        column.addWidget(self._banner)
+        self._film, film = self._strip("#ffe3e3", ("Stop", lambda: self._guard(self.record)))
+        film.setText("<b>●</b>&nbsp; Recording what the picture shows")
+        self._wait, wait = self._strip("#e9ecef")
+        wait.setText("Preparing the solver. The first time after an installation this takes a "
+                     "minute; drags follow as soon as it is done.")  # fmt: skip
+        bar = QProgressBar()
+        bar.setRange(0, 0)
+        bar.setFixedSize(120, 8)
+        cast(QHBoxLayout, self._wait.layout()).addWidget(bar)
+        for strip in (self._banner, self._film, self._wait):
+            column.addWidget(strip)
         column.addWidget(self.plotter, 1)
         column.addWidget(self._tour)
         self.setCentralWidget(centre)
 
-        self.editor = Editor(MeshView(self.plotter), self._wake.called.emit)
+        view = MeshView(self.plotter, density=self.plotter.devicePixelRatioF)
+        self.editor = Editor(view, self._wake.called.emit)
         self.editor.on_change.append(self._changed)
         listen(self.editor.view, self.editor.controller)
         self._actions = self._make_menus()
@@ -117,6 +131,7 @@ class Window(QMainWindow):
         self.statusBar().addWidget(self._hint, 1)
         self.statusBar().addPermanentWidget(self._times)
         QShortcut(QKeySequence("Esc"), self, self._escape)
+        self._restore_layout()
 
     def _delayed(self, milliseconds: int, run: Callable[[], None]) -> QTimer:
         timer = QTimer(self)
@@ -126,7 +141,7 @@ class Window(QMainWindow):
         return timer
 
     def _strip(
-        self, colour: str, *buttons: tuple[str, Callable[[], None]]
+        self, colour: str, *buttons: tuple[str, Callable[[], Any]]
     ) -> tuple[QWidget, QLabel]:
         """A coloured line of text with buttons, hidden."""
         strip, text = QWidget(), QLabel()
@@ -164,6 +179,8 @@ class Window(QMainWindow):
             item.setToolTip(f"{action.about or action.title}  {action.key}")
             item.setCheckable(action.checked is not None)
             item.triggered.connect(lambda _=False, a=action: self._run(a))
+            if action.rule:
+                self._menus[action.menu].addSeparator()
             self._menus[action.menu].addAction(item)
             if action.title in _TOOLBAR:
                 item.setIconText(
@@ -175,7 +192,17 @@ class Window(QMainWindow):
                 self._recent.aboutToShow.connect(self._list_recent)
                 self._menus["File"].addMenu(self._recent)
             made.append((action, item))
+        self._menus["View"].addSeparator()  # above the docks
         return made
+
+    def _restore_layout(self) -> None:
+        geometry, docks = (QByteArray.fromBase64(part.encode()) for part in self.places.layout)
+        self.restoreGeometry(geometry)
+        self.restoreState(docks)
+
+    def _note_layout(self) -> None:
+        parts = (self.saveGeometry(), self.saveState())
+        self.places.note_layout(*(bytes(part.toBase64().data()).decode() for part in parts))
 
     # Models, sessions, files.
 
@@ -208,6 +235,7 @@ class Window(QMainWindow):
         self._autosave.start()
 
     def _open(self, model: str | Path, session: Session | None, file: Path | None) -> None:
+        self._hide_banner()
         self.editor.open_model(model, session)
         self._file = file
         self.places.remember(str(file.resolve()) if file else self.editor.session.model.path)
@@ -311,12 +339,14 @@ class Window(QMainWindow):
         """Begin or end a recording."""
         if self._recorder is None:
             self._recorder = Recorder(self.editor)
+            self._film.show()
             return
         recorder, self._recorder = self._recorder, None
+        self._film.hide()
         pictures = recorder.stop()
         path = self.ask_save("Save recording", "drag.mp4", _MOVIES)
         if path is not None:
-            save_animation(path, pictures)
+            self.editor.run(saving(self.editor, path, pictures))
 
     def turntable(self) -> None:
         """Write a turntable."""
@@ -331,19 +361,25 @@ class Window(QMainWindow):
         if self._help is not None and self._help.isVisible():
             self._help.hide()
             return
-        keys = [(a.key, a.title.rstrip("…")) for a in ACTIONS if a.key]
-        third = -(-(len(MOUSE) + len(keys)) // 3)
-        rows = [
-            f"<tr><td><b>{key}</b>&nbsp;&nbsp;</td><td>{what}</td></tr>"
-            for key, what in (*MOUSE, *keys)
-        ]
         self._help = QDialog(self, Qt.WindowType.Tool)
         self._help.setWindowTitle("Keys and mouse")
         columns = QHBoxLayout(self._help)
-        for start in range(0, len(rows), third):
-            label = QLabel(f"<table>{''.join(rows[start : start + third])}</table>")
+        columns.setContentsMargins(18, 14, 18, 14)
+        columns.setSpacing(28)
+        texts = {
+            name: f"<tr><th colspan=2 align=left>{name}</th></tr>"
+            + "".join(
+                f"<tr><td><b>{key}</b>&nbsp;&nbsp;&nbsp;</td><td>{what}</td></tr>"
+                for key, what in rows
+            )
+            for name, rows in help_groups().items()
+        }
+        gap = "<tr><td>&nbsp;</td></tr>"
+        for names in _HELP_COLUMNS:
+            label = QLabel(f"<table>{gap.join(texts[name] for name in names)}</table>")
             label.setAlignment(Qt.AlignmentFlag.AlignTop)
             columns.addWidget(label)
+        QShortcut(QKeySequence("F1"), self._help, self._help.hide)
         self._help.show()
 
     def tour(self) -> None:
@@ -389,7 +425,12 @@ class Window(QMainWindow):
         """The editor says that something is different."""
         if event == "message":
             self._say(self.editor.message)
+        elif event == "notice":
+            self.statusBar().showMessage(self.editor.notice, 6000)
+        elif event == "pose":
+            self._wait.hide()
         elif event == "model":
+            QTimer.singleShot(_PATIENCE, lambda: self._wait.setVisible(self.editor.preparing))
             self._model.model_changed()
             self._components.model_changed()
         elif event == "look":
@@ -478,6 +519,7 @@ class Window(QMainWindow):
             if self._training is not None:
                 self._training.cancel()
             self._timer.stop()
+            self._note_layout()
             self.editor.close()
             self.places.close()
             self.plotter.close()
