@@ -608,6 +608,18 @@ def test_a_session_brings_its_target_back(editor, tmp_path):
     assert editor.target is not None, "it is not forgotten while it is away"
 
 
+def test_before_there_is_a_pose_nothing_is_placed_or_written(editor, tmp_path):
+    _, at = seen(editor, 0.5)
+    editor.open_model(editor.session.model.path)
+    assert editor.preparing
+    with pytest.raises(InputError, match="still being prepared"):
+        editor.export_pose(tmp_path / "pose.ply")
+    event(editor, "LeftButtonPressEvent", at)
+    event(editor, "LeftButtonReleaseEvent", at)
+    settle(editor)
+    assert editor.edit.handles == () and not editor.session.changed
+
+
 def test_a_component_can_stay_coloured(editor):
     k = int(editor.activations.order[1])
     editor.change_look(colour=f"component:{k}")

@@ -86,8 +86,8 @@ class Editor(Desk):
         return "Drag the body to bend it, beside it to look around.  F1: all keys"
 
     def vertex_at(self, pixel: Pixel) -> int | None:
-        """The visible vertex nearest to a pixel on the surface."""
-        return self.view.vertex_at(pixel) if self.is_open else None
+        """The visible vertex nearest to a pixel on the surface; none before there is a pose."""
+        return self.view.vertex_at(pixel) if self.is_open and not self.preparing else None
 
     def handle_at(self, pixel: Pixel) -> int | None:
         """Id of the visible handle at a pixel: where it is, or its target."""
@@ -407,7 +407,13 @@ class Editor(Desk):
         save_picture(path, self.view.picture())
 
     def export_pose(self, path: str | Path) -> None:
-        """Write the surface that is shown as a mesh file."""
+        """Write the surface that is shown as a mesh file.
+
+        Raises:
+            InputError: there is no pose yet.
+        """
+        if self.preparing:
+            raise InputError(f"{path}: the solver is still being prepared; try again in a moment")
         io.save_mesh(path, Mesh(self.vertices, self.model.reference.faces))
 
     def export_handles(self, path: str | Path) -> None:

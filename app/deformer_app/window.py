@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
 
-from PySide6.QtCore import QByteArray, QObject, Qt, QTimer, Signal
+from PySide6.QtCore import QByteArray, QEvent, QObject, Qt, QTimer, Signal
 from PySide6.QtGui import QAction, QCloseEvent, QColor, QFont, QKeySequence, QPalette, QShortcut
 from PySide6.QtWidgets import (
     QApplication,
@@ -74,6 +74,7 @@ class Window(QMainWindow):
         self.setWindowTitle("Deformer")
         self.resize(1360, 880)
         self._file: Path | None = None
+        self._folder = Path.cwd()
         self._recorder: Recorder | None = None
         self._training: TrainingDialog | None = None
         self._help: QDialog | None = None
@@ -101,16 +102,23 @@ class Window(QMainWindow):
         film.setText("<b>●</b>&nbsp; Recording what the picture shows")
         self._wait, wait = self._strip("#e9ecef")
         wait.setText("Preparing the solver. The first time after an installation this takes a "
-                     "minute; drags follow as soon as it is done.")  # fmt: skip
+                     "minute. You can look around already.")  # fmt: skip
         bar = QProgressBar()
         bar.setRange(0, 0)
         bar.setFixedSize(120, 8)
         cast(QHBoxLayout, self._wait.layout()).addWidget(bar)
-        for strip in (self._banner, self._film, self._wait):
-            column.addWidget(strip)
         column.addWidget(self.plotter, 1)
         column.addWidget(self._tour)
         self.setCentralWidget(centre)
+        # They lie upon the picture: if it gave way to them, what is being dragged would jump.
+        self._notes = QWidget(centre)
+        notes = QVBoxLayout(self._notes)
+        notes.setContentsMargins(0, 0, 0, 0)
+        notes.setSpacing(0)
+        for strip in (self._banner, self._film, self._wait):
+            notes.addWidget(strip)
+        self._notes.hide()
+        self.plotter.installEventFilter(self)
 
         view = MeshView(self.plotter, density=self.plotter.devicePixelRatioF)
         self.editor = Editor(view, self._wake.called.emit)
@@ -316,18 +324,26 @@ class Window(QMainWindow):
 
     def ask_open(self, title: str, files: str) -> Path | None:
         """Ask for a file to read."""
-        name, _ = QFileDialog.getOpenFileName(self, title, "", files)
-        return Path(name) if name else None
+        name, _ = QFileDialog.getOpenFileName(self, title, str(self._folder), files)
+        return self._chosen(name)
 
     def ask_folder(self, title: str) -> Path | None:
         """Ask for a folder."""
-        name = QFileDialog.getExistingDirectory(self, title)
-        return Path(name) if name else None
+        return self._chosen(QFileDialog.getExistingDirectory(self, title, str(self._folder)))
 
     def ask_save(self, title: str, name: str, files: str) -> Path | None:
         """Ask for a file to write."""
-        name, _ = QFileDialog.getSaveFileName(self, title, name, files)
-        return Path(name) if name else None
+        dialog = QFileDialog(self, title, str(self._folder / name), files)
+        dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
+        dialog.setDefaultSuffix(Path(name).suffix)
+        return self._chosen(dialog.selectedFiles()[0] if dialog.exec() else "")
+
+    def _chosen(self, name: str) -> Path | None:
+        """What a dialog has given; the next one begins in the same folder."""
+        if not name:
+            return None
+        self._folder = Path(name).parent
+        return Path(name)
 
     def train(self) -> None:
         """Train a model on shapes that the user chooses."""
@@ -339,10 +355,10 @@ class Window(QMainWindow):
         """Begin or end a recording."""
         if self._recorder is None:
             self._recorder = Recorder(self.editor)
-            self._film.show()
+            self._show(self._film)
             return
         recorder, self._recorder = self._recorder, None
-        self._film.hide()
+        self._show(self._film, False)
         pictures = recorder.stop()
         path = self.ask_save("Save recording", "drag.mp4", _MOVIES)
         if path is not None:
@@ -409,10 +425,30 @@ class Window(QMainWindow):
 
     def _say(self, text: str) -> None:
         self._banner_text.setText(text)
-        self._banner.show()
+        self._show(self._banner)
 
     def _hide_banner(self) -> None:
-        self._banner.hide()
+        self._show(self._banner, False)
+
+    def _show(self, strip: QWidget, shown: bool = True) -> None:
+        """Show or hide one of the strips at the top of the picture."""
+        strip.setVisible(shown)
+        self._place_notes()
+
+    def _place_notes(self) -> None:
+        layout, frame = cast(QVBoxLayout, self._notes.layout()), self.plotter.geometry()
+        strips = (self._banner, self._film, self._wait)
+        self._notes.setVisible(any(not strip.isHidden() for strip in strips))
+        layout.activate()
+        height = layout.totalHeightForWidth(frame.width())
+        self._notes.setGeometry(frame.x(), frame.y(), frame.width(), max(height, 1))
+        self._notes.raise_()
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Keep the strips as wide as the picture."""
+        if watched is self.plotter and event.type() == QEvent.Type.Resize:
+            self._place_notes()
+        return super().eventFilter(watched, event)
 
     # Events.
 
@@ -428,9 +464,9 @@ class Window(QMainWindow):
         elif event == "notice":
             self.statusBar().showMessage(self.editor.notice, 6000)
         elif event == "pose":
-            self._wait.hide()
+            self._show(self._wait, False)
         elif event == "model":
-            QTimer.singleShot(_PATIENCE, lambda: self._wait.setVisible(self.editor.preparing))
+            QTimer.singleShot(_PATIENCE, lambda: self._show(self._wait, self.editor.preparing))
             self._model.model_changed()
             self._components.model_changed()
         elif event == "look":
