@@ -412,6 +412,18 @@ def test_sliders_set_the_code_and_one_drag_is_one_step(editor):
     assert len(editor.session.entries) == 2
 
 
+def test_a_slider_waits_for_the_end_of_a_drag(editor):
+    _, at = seen(editor, 0.9)
+    event(editor, "MouseMoveEvent", at)
+    event(editor, "LeftButtonPressEvent", at)
+    event(editor, "MouseMoveEvent", at + np.array([-20, -20]))
+    base = editor.edit.base
+    editor.slide(1, float(editor.code[1]) + 1.0)
+    event(editor, "LeftButtonReleaseEvent", at + np.array([-20, -20]))
+    settle(editor)
+    assert editor.edit.base == base and len(editor.session.entries) == 2
+
+
 def test_starting_from_training_shapes_and_meshes(editor, tmp_path):
     codes = editor.start_codes()
     assert len([name for name in codes if name.startswith("Shape")]) == len(editor.model.codes)

@@ -1,5 +1,6 @@
 """The Qt window on a virtual display: docks, dialogs, and a real mouse."""
 
+import importlib.util
 import json
 import os
 import subprocess
@@ -229,6 +230,26 @@ def test_training_on_nonsense_is_told_in_the_dialog(app, window, tmp_path):
 
 # Where the shipped figure is in a new window, in pixels of the screen.
 HAND, FEET = (797, 417), ((631, 686), (729, 697))
+
+
+def test_qt_gives_back_what_it_takes(app):
+    """PySide6 6.12.0 took a reference to None with every call, until Python 3.11 ended."""
+    from PySide6.QtCore import QObject
+
+    thing = QObject()
+    before = sys.getrefcount(None)
+    for _ in range(1000):
+        thing.setObjectName("x")
+    assert abs(sys.getrefcount(None) - before) < 100
+
+
+def test_random_events_leave_a_consistent_session(app, model_path):
+    path = Path(__file__).parent.parent / "benchmarks" / "viewer_soak.py"
+    spec = importlib.util.spec_from_file_location("viewer_soak", path)
+    benchmark = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(benchmark)
+    failures, _ = benchmark.soak(str(model_path), 400, 3, lambda line: None)
+    assert not failures
 
 
 class Person:

@@ -270,7 +270,9 @@ class Editor(Desk):
             self.change("Start from this pose", replace(self.edit, base=self.answer.solution.z))
 
     def slide(self, component: int, value: float) -> None:
-        """Set a component of the code; handles resist. `commit` ends it."""
+        """Set a component of the code; handles resist. `commit` ends it. Not during a drag."""
+        if self.dragging:
+            return
         if self._grasped is None:
             self._grasped = self.edit
             self._slid_from = self.code
