@@ -30,7 +30,9 @@ from deformer_app.solver_thread import SolverThread, beside
 
 _REST = 0.25  # seconds without change after which the picture is drawn sharply
 _GLIDE = 0.12  # seconds from the last pose of a drag to the final one
-_LATE = 0.03  # seconds after a frame that the next one waits for the pose it belongs to
+# Seconds after a frame that the next one waits for the pose it belongs to. During a drag a frame
+# without it shows next to nothing, and is in the way of the one that follows.
+_LATE, _LATE_IN_DRAG = 0.03, 0.15
 
 
 @dataclass(frozen=True)
@@ -386,7 +388,8 @@ class Desk:
         if answer is not None:
             self._show(answer)
         now = time.perf_counter()
-        waiting = self._thread.busy and now - self._drawn_at < _LATE and self.answer is not None
+        late = _LATE_IN_DRAG if self.session.under_way else _LATE
+        waiting = self._thread.busy and now - self._drawn_at < late and self.answer is not None
         if self._dirty and (answer is not None or not waiting):
             self._draw(answer)
         elif self._rests(now) and self.view.sharpen(True):

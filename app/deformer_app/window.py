@@ -60,6 +60,31 @@ class _Wake(QObject):
     called = Signal()
 
 
+class _Picture(QtInteractor):
+    """VTK in a widget that shows what has been drawn.
+
+    pyvistaqt (0.13.1) draws every frame a second time to show it, in case the scene has changed
+    since; here it has not. Drawn in software, that halved the rate.
+    """
+
+    _drawn = False
+
+    def _cb_frame(self, obj: Any, evt: Any) -> None:
+        self._drawn = not self._in_paint
+        super()._cb_frame(obj, evt)
+
+    def resizeGL(self, w: int, h: int) -> None:
+        """Forget the frame: it has another size."""
+        self._drawn = False
+        super().resizeGL(w, h)
+
+    def paintGL(self) -> None:
+        """Show the frame; draw it if that has not been done."""
+        self._in_paint, self._drawn = self._drawn, False
+        super().paintGL()
+        self._in_paint = False
+
+
 class Window(QMainWindow):
     """An editor with menus and docks.
 
@@ -85,7 +110,7 @@ class Window(QMainWindow):
         self._timer = QTimer(self)
         self._timer.setInterval(_TICK)
         self._timer.timeout.connect(self._tick)
-        self._wake.called.connect(self._timer.start)
+        self._wake.called.connect(self._awake)
         self._later = self._delayed(_PANELS, self._refresh)
         self._autosave = self._delayed(_AUTOSAVE, self._write_autosave)
 
@@ -97,7 +122,7 @@ class Window(QMainWindow):
         self._tour, self._tour_text = self._strip(
             "#d0ebff", ("Next", self._next_step), ("End tour", self._end_tour)
         )
-        self.plotter = QtInteractor(centre, auto_update=False, multi_samples=0)
+        self.plotter = _Picture(centre, auto_update=False, multi_samples=0)
         self._film, film = self._strip("#ffe3e3", ("Stop", lambda: self._guard(self.record)))
         film.setText("<b>●</b>&nbsp; Recording what the picture shows")
         self._wait, wait = self._strip("#e9ecef")
@@ -483,6 +508,10 @@ class Window(QMainWindow):
     def _advance(self, step: int) -> None:
         if self._tour_step == step and not self.editor.controller.dragging:
             self._next_step()
+
+    def _awake(self) -> None:
+        if not self._timer.isActive():  # to start it anew with every answer would put it off
+            self._timer.start()
 
     def _tick(self) -> None:
         self.editor.tick()
