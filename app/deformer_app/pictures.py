@@ -211,7 +211,7 @@ def save_gif(path: str | os.PathLike[str], frames: Sequence[Picture], fps: float
     palette = strip.quantize(255, method=Image.Quantize.MEDIANCUT)
     # One at a time: a minute of a large window would fill gigabytes.
     indexed = (
-        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG)
+        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
         for frame in frames
     )
     next(indexed).save(
