@@ -1,6 +1,6 @@
 """The feel of the viewer: how soon the last frame follows the last move of the mouse.
 
-    python benchmarks/viewer_latency.py MODEL [--window] [--handles 1] [--exact] [--drags 10]
+    python benchmarks/viewer_latency.py [MODEL] [--subdivide 0] [--window] [--handles 1] [--exact]
 
 Handles are spread over the mesh and one of them is dragged, as events of the plotter, 125 moves a
 second by the clock whatever the window does. Printed are, in milliseconds: the time from the last
@@ -23,7 +23,9 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from drag_latency import subdivided
 
+import deformer
 from deformer import Geodesics, farthest_points
 from deformer_app.editor import Editor
 
@@ -35,13 +37,15 @@ WAY = 150  # pixels of a drag
 
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    options.add_argument("model")
+    options.add_argument("model", nargs="?", default="humanoid")
+    options.add_argument("--subdivide", type=int, default=0, help="how often, into four faces each")
     options.add_argument("--window", action="store_true", help="in the Qt window on DISPLAY")
     options.add_argument("--handles", type=int, default=1)
     options.add_argument("--exact", action="store_true", help="handles are met exactly")
     options.add_argument("--drags", type=int, default=10)
     chosen = options.parse_args()
-    editor, pump = (in_window if chosen.window else off_screen)(chosen.model)
+    model = subdivided_model(chosen.model, chosen.subdivide)
+    editor, pump = (in_window if chosen.window else off_screen)(model)
     wait(pump, lambda: editor.activations is not None and not editor.busy)
     place_handles(editor, chosen.handles, chosen.exact)
     wait(pump, lambda: not editor.busy)
@@ -70,6 +74,18 @@ def main() -> None:
         p50, p95, worst = np.percentile(ms, [50, 95, 100])
         print(f"  {name:<24} p50 {p50:6.1f}   p95 {p95:6.1f}   worst {worst:6.1f}")
     os._exit(0)  # the threads and windows of three libraries need no farewell
+
+
+def subdivided_model(name: str, times: int) -> str:
+    """A model's name, or the folder of the same model on a finer mesh."""
+    if not times:
+        return name
+    model = deformer.load_model(name)
+    for _ in range(times):
+        model = subdivided(model)
+    folder = Path(tempfile.mkdtemp()) / f"{Path(name).name}-{times}"
+    model.save(folder)
+    return str(folder)
 
 
 def off_screen(model: str) -> tuple[Editor, Callable[[], None]]:

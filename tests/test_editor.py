@@ -13,15 +13,17 @@ from PIL import Image
 import deformer
 from deformer import InputError, io
 from deformer_app import recording
+from deformer_app.controller import Hover
 from deformer_app.editor import Editor
 from deformer_app.events import listen
 from deformer_app.gizmo import rotation
 from deformer_app.mesh_view import MeshView
 from deformer_app.pictures import off_screen
 from deformer_app.places import Places
-from deformer_app.posing import replay
+from deformer_app.posing import Poser, replay
 from deformer_app.recording import Recorder, save_animation, turntable
-from deformer_app.session import Session
+from deformer_app.session import Handle, Session
+from deformer_app.solver_thread import beside
 from shapes import sequence, small_model
 
 SIZE = (480, 360)
@@ -410,6 +412,18 @@ def test_sliders_set_the_code_and_one_drag_is_one_step(editor):
     assert len(editor.session.entries) == 2
 
 
+def test_a_slider_waits_for_the_end_of_a_drag(editor):
+    _, at = seen(editor, 0.9)
+    event(editor, "MouseMoveEvent", at)
+    event(editor, "LeftButtonPressEvent", at)
+    event(editor, "MouseMoveEvent", at + np.array([-20, -20]))
+    base = editor.edit.base
+    editor.slide(1, float(editor.code[1]) + 1.0)
+    event(editor, "LeftButtonReleaseEvent", at + np.array([-20, -20]))
+    settle(editor)
+    assert editor.edit.base == base and len(editor.session.entries) == 2
+
+
 def test_starting_from_training_shapes_and_meshes(editor, tmp_path):
     codes = editor.start_codes()
     assert len([name for name in codes if name.startswith("Shape")]) == len(editor.model.codes)
@@ -571,3 +585,144 @@ def test_recent_files_are_the_latest_first_and_once(tmp_path):
     assert places.recent == [] and not places.tour_seen
     places.note_tour()
     assert places.tour_seen
+
+
+def test_a_session_brings_its_target_back(editor, tmp_path):
+    target = deformer.Mesh(sequence().vertices[4], editor.model.reference.faces)
+    mesh, file = tmp_path / "t.ply", tmp_path / "a.json"
+    io.save_mesh(mesh, target)
+    editor.load_target(mesh)
+    settle(editor)
+    error, values = editor.answer.error, editor.answer.paint.values
+    editor.save_session(file)
+    editor.open_model(editor.session.model.path)
+    assert editor.target is None and editor.look.colour == "plain"
+    editor.open_session(file)
+    settle(editor)
+    assert not editor.message and (editor.look.colour, editor.look.ghost) == ("error", "target")
+    assert editor.answer.error == pytest.approx(error)
+    np.testing.assert_allclose(editor.answer.paint.values, values, atol=1e-6)
+
+    io.save_mesh(mesh, deformer.Mesh(target.vertices + 0.1, target.faces))
+    editor.open_session(file)
+    settle(editor)
+    assert "t.ply" in editor.message and "changed" in editor.message
+    assert editor.answer.error > error
+
+    mesh.unlink()
+    editor.open_session(file)
+    settle(editor)
+    assert "t.ply" in editor.message and "cannot be loaded" in editor.message
+    assert editor.target is None and (editor.look.colour, editor.look.ghost) == ("plain", "none")
+    editor.save_session(file)
+    io.save_mesh(mesh, target)
+    editor.open_session(file)
+    assert editor.target is not None, "it is not forgotten while it is away"
+
+
+def test_before_there_is_a_pose_nothing_is_placed_or_written(editor, tmp_path):
+    _, at = seen(editor, 0.5)
+    editor.open_model(editor.session.model.path)
+    assert editor.preparing
+    with pytest.raises(InputError, match="still being prepared"):
+        editor.export_pose(tmp_path / "pose.ply")
+    event(editor, "LeftButtonPressEvent", at)
+    event(editor, "LeftButtonReleaseEvent", at)
+    settle(editor)
+    assert editor.edit.handles == () and not editor.session.changed
+
+
+def test_a_component_can_stay_coloured(editor):
+    k = int(editor.activations.order[1])
+    editor.change_look(colour=f"component:{k}")
+    settle(editor)
+    np.testing.assert_array_equal(editor.answer.paint.values, editor.activations.support(k))
+    assert editor.answer.paint.title == editor.model.label(k)
+
+
+def test_work_beside_the_window_keeps_no_other_work_waiting(editor):
+    done, held = [], [True]
+
+    def quick():
+        yield
+        done.append("quick")
+
+    def slow():
+        yield from beside(lambda: [time.sleep(0.01) for _ in iter(lambda: held[0], False)])
+        done.append("slow")
+
+    editor.run(slow())
+    editor.run(quick())
+    for _ in range(5):
+        editor.tick()
+    assert done == ["quick"]
+    held[0] = False
+    settle(editor)
+    assert done == ["quick", "slow"]
+
+
+def test_a_mistake_beside_the_window_is_a_message(editor):
+    def fail():
+        raise InputError("the disk is full of holes")
+
+    editor.run(beside(fail))
+    settle(editor)
+    assert editor.message == "the disk is full of holes"
+
+
+@pytest.mark.parametrize("command", ["delete", "mirror", "suggest"])
+def test_a_command_that_needs_a_handle_says_so(editor, command):
+    getattr(editor, command)()
+    assert editor.notice
+    editor.notice = ""
+    editor.set_kind("pin")
+    assert "Select a handle" in editor.notice
+
+
+def test_a_rehearsal_leaves_no_trace(editor):
+    handle = Handle(1, (115,), ((1.9, 0.4, 0.2),), "exact")
+    edit = replace(editor.edit, handles=(handle,))
+    fresh, rehearsed = Poser(editor.model), Poser(editor.model)
+    rehearsed.rehearse()
+    expected, found = fresh.settle(edit).vertices, rehearsed.settle(edit).vertices
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("density", [1.0, 2.0])
+def test_a_dense_screen_changes_neither_aim_nor_the_size_of_marks(editor, monkeypatch, density):
+    """The same picture on a screen of twice the pixels: same vertices, balls twice as many wide."""
+    plotter = editor.view.plotter
+    plotter.window_size = [int(density * side) for side in SIZE]
+    monkeypatch.setattr(editor.view, "_screen", lambda: density)
+    assert editor.size == SIZE
+    editor.frame()
+    settle(editor)
+    vertex, at = seen(editor, 0.9)
+    for share in (0.3, 0.5, 0.7):
+        other, pixel = seen(editor, share)
+        assert other in editor.model.reference.faces[first_face(editor, pixel)]
+    interactor, height = plotter.iren.interactor, plotter.render_window.GetSize()[1]
+    interactor.SetEventInformation(
+        int(density * at[0]), height - 1 - int(density * at[1]), False, False
+    )
+    for name in ("MouseMove", "LeftButtonPress", "LeftButtonRelease"):
+        interactor.InvokeEvent(f"{name}Event")
+    settle(editor)
+    assert editor.edit.handles[0].vertices == (vertex,)
+    editor.select([])
+    editor.hover(Hover())
+    editor.tick()
+    picture = editor.view.grab().astype(int)
+    red, green, blue = np.moveaxis(picture, 2, 0)
+    ball = (red > 150) & (red - blue > 80) & (red - green > 50)
+    assert np.sqrt(4 / np.pi * ball.sum()) == pytest.approx(14 * density, rel=0.25)
+
+
+def test_a_recording_survives_another_size_of_the_window(editor):
+    recorder = Recorder(editor)
+    for size in (SIZE, (300, 200)):
+        editor.view.plotter.window_size = list(size)
+        editor.camera_moved()
+        time.sleep(2 / recording.FPS)
+        editor.tick()
+    assert {picture.shape for picture in recorder.stop()} == {(200, 300, 3)}

@@ -1,5 +1,6 @@
 """The Qt window on a virtual display: docks, dialogs, and a real mouse."""
 
+import importlib.util
 import json
 import os
 import subprocess
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 import deformer
+from deformer_app.posing import replay
 from deformer_app.session import ModelName, Session
 from display import virtual_display
 from shapes import sequence, small_model
@@ -152,7 +154,7 @@ def test_a_mistake_is_a_line_in_the_window_and_nothing_is_lost(app, window, tmp_
 
 
 def test_closing_asks_only_if_something_would_be_lost(app, window, monkeypatch, tmp_path):
-    from PySide6.QtWidgets import QFileDialog, QMessageBox
+    from PySide6.QtWidgets import QMessageBox
 
     asked = []
 
@@ -167,7 +169,7 @@ def test_closing_asks_only_if_something_would_be_lost(app, window, monkeypatch, 
     answers = [QMessageBox.StandardButton.Cancel]
     assert not window._may_leave() and len(asked) == 1
     file = tmp_path / "work.json"
-    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *_: (str(file), ""))
+    monkeypatch.setattr(window, "ask_save", lambda *_: file)
     answers = [QMessageBox.StandardButton.Save]
     assert window._may_leave() and file.is_file()
     assert window._may_leave() and len(asked) == 2
@@ -226,6 +228,30 @@ def test_training_on_nonsense_is_told_in_the_dialog(app, window, tmp_path):
     assert "nothing.npz" in dialog._state.text()
 
 
+# Where the shipped figure is in a new window, in pixels of the screen.
+HAND, FEET = (797, 417), ((631, 686), (729, 697))
+
+
+def test_qt_gives_back_what_it_takes(app):
+    """PySide6 6.12.0 took a reference to None with every call, until Python 3.11 ended."""
+    from PySide6.QtCore import QObject
+
+    thing = QObject()
+    before = sys.getrefcount(None)
+    for _ in range(1000):
+        thing.setObjectName("x")
+    assert abs(sys.getrefcount(None) - before) < 100
+
+
+def test_random_events_leave_a_consistent_session(app, model_path):
+    path = Path(__file__).parent.parent / "benchmarks" / "viewer_soak.py"
+    spec = importlib.util.spec_from_file_location("viewer_soak", path)
+    benchmark = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(benchmark)
+    failures, _ = benchmark.soak(str(model_path), 400, 3, lambda line: None)
+    assert not failures
+
+
 class Person:
     """A program with a real mouse on it; what it did is read from its autosave."""
 
@@ -261,7 +287,15 @@ class Person:
         self._xdotool("mouseup", button)
 
     def key(self, name):
-        self._xdotool("key", "--window", self.window, name)
+        # There is no window manager, which would give the keys back after a dialog.
+        self._xdotool("windowfocus", "--sync", self.window, "key", name)
+
+    def answer(self, title, text):
+        """Type into a dialog and send it off."""
+        number = self.wait(lambda: self._xdotool("search", "--onlyvisible", "--name", title))
+        self.wait(lambda: self._xdotool("getwindowfocus") == number)
+        self._xdotool("type", text)
+        self._xdotool("key", "Return")
 
     def steps(self):
         """Labels of the history up to the entry that is shown."""
@@ -316,6 +350,84 @@ def test_a_person_pulls_undoes_and_finds_it_again_after_a_crash(display, model_p
         again.wait(lambda: len(again.steps()) == count)
     finally:
         again.end()
+
+
+def test_a_person_poses_the_shipped_figure_and_finds_it_as_it_was_left(display, tmp_path):
+    """From the first look to the next morning, by mouse and keys alone."""
+    settings, file = tmp_path / "settings", tmp_path / "figure.json"
+    settings.mkdir()
+    (settings / "settings.json").write_text('{"tour_seen": true}')
+    reference = deformer.load_model("humanoid").reference.vertices
+    person = Person(display, settings)
+
+    def saved():
+        person.key("ctrl+s")
+        time.sleep(0.2)
+        return Session.load(file)
+
+    def exported(person, name):
+        path = tmp_path / name
+
+        def written():  # refused while the program is being prepared
+            person.key("ctrl+e")
+            person.answer("Export pose", str(path))
+            time.sleep(1)
+            return path.is_file()
+
+        person.wait(written)
+        return deformer.load_mesh(path).vertices
+
+    try:
+        # Three handles: a hand, and both feet pinned.
+        person.wait(lambda: person.drag(HAND) or person.steps())
+        for foot in FEET:
+            count = len(person.steps())
+            person.drag(foot)
+            person.wait(lambda count=count: len(person.steps()) == count + 1)
+            person.key("p")
+            person.wait(lambda count=count: len(person.steps()) == count + 2)
+        person.key("ctrl+shift+s")
+        person.answer("Save session", str(file))
+        person.wait(file.is_file)
+        held = {h.kind: reference[h.vertices[0]] for h in saved().edit.handles}
+        assert len(saved().edit.handles) == 3
+        assert held["pin"][2] < 0.15 < 0.6 < held["soft"][2], "feet are low, the hand is not"
+
+        # An arm up: back to the side, forth again.
+        before, steps = saved(), len(saved().entries)
+        person.drag(HAND, *((HAND[0] + 2 * n, HAND[1] - 12 * n) for n in range(1, 11)))
+        person.wait(lambda: len(saved().entries) == steps + 1)
+        raised = saved()
+        soft = [next(h for h in s.edit.handles if h.kind == "soft") for s in (before, raised)]
+        assert soft[1].targets[0][2] > soft[0].targets[0][2] + 0.2
+        person.key("ctrl+z")
+        person.wait(lambda: saved().edit == before.edit)
+        person.key("ctrl+shift+z")
+        person.wait(lambda: saved().edit == raised.edit)
+
+        # The first component's slider, dragged to the right.
+        person.drag((1190, 473), (1210, 473), (1230, 473))
+        person.wait(lambda: saved().entry.label.startswith("Component"))
+        assert saved().edit.base != raised.edit.base
+        left = exported(person, "evening.ply")
+        person.wait(lambda: saved().entry.solution is not None)
+        person.key("ctrl+q")
+        person.program.wait(30)  # nothing is lost, so nothing is asked
+        assert person.program.returncode == 0
+    finally:
+        person.end()
+    model = deformer.load_model("humanoid")
+    diagonal = model.reference.bounding_diagonal
+    assert np.abs(replay(Session.load(file), model).vertices - left).max() < 1e-6 * diagonal
+    person = Person(display, settings, "--session", file)
+    try:
+        found = exported(person, "morning.ply")
+        assert np.abs(found - left).max() < 1e-6 * diagonal
+        assert np.abs(found - reference).max() > 0.2
+        person.key("ctrl+z")
+        person.wait(lambda: person.steps()[-1:] == [raised.entry.label])
+    finally:
+        person.end()
 
 
 def test_the_plain_window_pulls_and_saves(display, model_path, tmp_path):

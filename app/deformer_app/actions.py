@@ -80,6 +80,7 @@ class Action:
         about: a line for the status bar and the help.
         checked: whether it is on, for what can be on or off.
         dialog: whether it asks for a file, which a plain window cannot.
+        rule: whether the menu has a line above it.
     """
 
     menu: str
@@ -89,6 +90,7 @@ class Action:
     about: str = ""
     checked: Callable[[Editor], bool] | None = None
     dialog: bool = False
+    rule: bool = False
 
 
 def _with(path: Path | None, use: Callable[[Path], Any]) -> None:
@@ -165,25 +167,26 @@ ACTIONS: Sequence[Action] = (
            "Learn a model from example shapes", dialog=True),
     Action("File", "Open session…", _open_session, "Ctrl+Shift+O", dialog=True),
     Action("File", "Save session", lambda s: s.save(False), "Ctrl+S",
-           "Handles, sliders, camera and the whole history in one file"),
+           "Handles, sliders, camera and the whole history in one file", rule=True),
     Action("File", "Save session as…", lambda s: s.save(True), "Ctrl+Shift+S", dialog=True),
     Action("File", "Load target mesh…", _load_target, "",
-           "A mesh to compare with: ghost, error colours, E_rms", dialog=True),
+           "A mesh to compare with: ghost, error colours, E_rms", dialog=True, rule=True),
     Action("File", "Export pose…", _export_pose, "Ctrl+E", "PLY, OBJ, STL or GLB", dialog=True),
     Action("File", "Export handles…", _export_handles, "",
            "Targets as deformer fit reads them", dialog=True),
-    Action("File", "Screenshot…", _screenshot, "F12", dialog=True),
+    Action("File", "Screenshot…", _screenshot, "F12", dialog=True, rule=True),
     Action("File", "Turntable…", lambda s: s.turntable(), "",
            "A full turn as GIF or MP4", dialog=True),
     Action("File", "Record", lambda s: s.record(), "Ctrl+R",
            "Record what happens as GIF or MP4; again to stop", dialog=True),
-    Action("File", "Quit", lambda s: s.close(), "Ctrl+Q"),
+    Action("File", "Quit", lambda s: s.close(), "Ctrl+Q", rule=True),
     Action("Edit", "Undo", lambda s: s.editor.undo(), "Ctrl+Z"),
     Action("Edit", "Redo", lambda s: s.editor.redo(), "Ctrl+Shift+Z"),
-    Action("Edit", "Select all handles", _select_all, "Ctrl+A"),
+    Action("Edit", "Select all handles", _select_all, "Ctrl+A", rule=True),
     Action("Edit", "Delete handles", lambda s: s.editor.delete(), "Del", "The selected ones"),
     Action("Edit", "Clear handles", lambda s: s.editor.clear(), "Ctrl+Del"),
-    Action("Edit", "Reset to reference", lambda s: s.editor.reset(), "Ctrl+0"),
+    Action("Edit", "Reset to reference", lambda s: s.editor.reset(), "Ctrl+0",
+           "The undeformed shape, without handles", rule=True),
     Action("Edit", "Start from this pose", lambda s: s.editor.use_as_base(), "Ctrl+B",
            "From now on the prior leans on what is shown"),
     Action("Edit", "Start from mesh…", _start_from_mesh, "",
@@ -194,34 +197,37 @@ ACTIONS: Sequence[Action] = (
     Action("Handles", "Pin", lambda s: s.editor.set_kind("pin"), "P",
            "Stays where it is, whatever is dragged"),
     Action("Handles", "Mirror", lambda s: s.editor.mirror(), "M",
-           "Copy the selected handles, or all, to the body's other side"),
-    Action("Handles", "Mirror plane: find", lambda s: s.editor.find_symmetry()),
+           "Copy the selected handles, or all, to the body's other side", rule=True),
+    Action("Handles", "Mirror plane: find", lambda s: s.editor.find_symmetry(), "",
+           "Look for the plane across which the body is its own image"),
     *(Action("Handles", f"Mirror plane: across {axis}",
              lambda s, a=axis: s.editor.tell_symmetry(a)) for axis in "xyz"),
     Action("Handles", "Paint region", _paint, "B",
            "Paint a patch that moves and turns as one handle",
-           checked=lambda e: e.mode == "paint"),
+           checked=lambda e: e.mode == "paint", rule=True),
     Action("Handles", "Smaller brush", lambda s: s.editor.resize_brush(0.8), "["),
     Action("Handles", "Larger brush", lambda s: s.editor.resize_brush(1.25), "]"),
     Action("Handles", "Suggest next handle", lambda s: s.editor.suggest(), "N",
-           "Where one more handle would tell most; again to place it"),
+           "Where one more handle would tell most; again to place it", rule=True),
     Action("Handles", "Manipulator: move", lambda s: s.editor.set_gizmo("move"), "1",
-           checked=lambda e: e.gizmo_mode == "move"),
+           "Along axes and in planes", rule=True, checked=lambda e: e.gizmo_mode == "move"),
     Action("Handles", "Manipulator: rotate", lambda s: s.editor.set_gizmo("rotate"), "2",
            "Several handles or a region, about their centre",
            checked=lambda e: e.gizmo_mode == "rotate"),
     Action("Handles", "Manipulator: scale", lambda s: s.editor.set_gizmo("scale"), "3",
+           "Several handles or a region, about their centre",
            checked=lambda e: e.gizmo_mode == "scale"),
     Action("View", "Frame all", lambda s: s.editor.frame(), "F"),
-    Action("View", "Front", lambda s: s.editor.frame(0, 0), "Ctrl+1"),
+    Action("View", "Front", lambda s: s.editor.frame(0, 0), "Ctrl+1", rule=True),
     Action("View", "Left side", lambda s: s.editor.frame(90, 0), "Ctrl+2"),
     Action("View", "Back", lambda s: s.editor.frame(180, 0), "Ctrl+3"),
     Action("View", "Right side", lambda s: s.editor.frame(-90, 0), "Ctrl+4"),
     Action("View", "Top", lambda s: s.editor.frame(0, 89), "Ctrl+5"),
     Action("View", "Next colouring", _next_colour, "C",
-           "Displacement, stretch, error, where to put the next handle"),
+           "Displacement, stretch, error, where to put the next handle", rule=True),
     Action("View", "Next ghost", _next_ghost, "G", "The reference or the target mesh behind"),
-    Action("View", "Wireframe", _looks("wireframe"), "W", checked=lambda e: e.look.wireframe),
+    Action("View", "Wireframe", _looks("wireframe"), "W", checked=lambda e: e.look.wireframe,
+           rule=True),
     Action("View", "Smooth shading", _looks("smooth"), "L", checked=lambda e: e.look.smooth),
     Action("View", "Dark", _looks("dark"), "D", checked=lambda e: e.look.dark),
     Action("Help", "Keys and mouse", lambda s: s.help(), "F1"),
@@ -241,8 +247,16 @@ MOUSE = (
 )
 
 
+def help_groups() -> dict[str, list[tuple[str, str]]]:
+    """All keys and what the mouse does, by menu: what to press and what comes of it."""
+    groups = {"Mouse": list(MOUSE)}
+    for menu in MENUS:
+        groups[menu] = [(a.key, a.title.rstrip("…")) for a in ACTIONS if a.key and a.menu == menu]
+    return groups
+
+
 def help_text() -> str:
     """All keys and what the mouse does, as lines."""
-    keys = [(a.key, a.title.rstrip("…")) for a in ACTIONS if a.key]
-    width = max(len(name) for name, _ in (*MOUSE, *keys))
-    return "\n".join(f"{name:<{width}}  {what}" for name, what in (*MOUSE, *keys))
+    rows = [row for group in help_groups().values() for row in group]
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(f"{name:<{width}}  {what}" for name, what in rows)

@@ -15,12 +15,12 @@ from deformer.metrics import vertex_errors
 
 # Name → what a person reads.
 COLOURINGS = {
-    "plain": "Nothing",
+    "plain": "Plain",
     "displacement": "Displacement",
     "stretch": "Stretch",
     "component": "Component",
     "error": "Error against the target",
-    "uncertainty": "Where to put the next handle",
+    "uncertainty": "Next handle",
 }
 
 
@@ -43,6 +43,13 @@ class Paint:
     diverging: bool = False
 
 
+def component_paint(
+    model: DeformationModel, activations: deformer.Activations, number: int
+) -> Paint:
+    """Colours of where a component acts."""
+    return Paint(activations.support(number), "vertices", model.label(number), (0.0, 1.0))
+
+
 class Colouring:
     """Colours of poses of one model, by name; "component:3" is the support of component 3."""
 
@@ -54,13 +61,21 @@ class Colouring:
     def _strain(self) -> deformer.FaceStrain:
         return deformer.FaceStrain(self._model.reference)
 
-    @cached_property
-    def activations(self) -> deformer.Activations:
-        """Strengths, limits and supports of the components."""
-        return deformer.Activations(self._model)
+    def __call__(
+        self,
+        name: str,
+        pose: Pose,
+        target: NDArray[np.float64] | None = None,
+        activations: deformer.Activations | None = None,
+    ) -> Paint | None:
+        """Colours of a pose, or None where `name` has none for it (yet).
 
-    def __call__(self, name: str, pose: Pose, target: NDArray[np.float64] | None) -> Paint | None:
-        """Colours of a pose, or None where `name` has none for it (yet)."""
+        Args:
+            name: see `COLOURINGS`.
+            pose: what is coloured.
+            target: vertices (V, 3) that an "error" is the distance to.
+            activations: what a "component" is looked up in.
+        """
         kind, _, number = name.partition(":")
         reference = self._model.reference
         if kind == "displacement":
@@ -70,9 +85,8 @@ class Colouring:
         if kind == "stretch":
             signed = self._strain.signed(pose.vertices)
             return Paint(signed, "faces", "stretch (log2)", (-1.0, 1.0), diverging=True)
-        if kind == "component" and number:
-            support = self.activations.support(int(number))
-            return Paint(support, "vertices", self._model.label(int(number)), (0.0, 1.0))
+        if kind == "component" and activations is not None:
+            return component_paint(self._model, activations, int(number))
         if kind == "error" and target is not None:
             errors = vertex_errors(target, pose.vertices)
             limit = max(float(np.quantile(errors, 0.99)), 1e-3 * reference.bounding_diagonal)

@@ -6,6 +6,7 @@ it is in `editor`.
 
 from __future__ import annotations
 
+import hashlib
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import deformer
-from deformer import DeformationModel, InputError, Mesh
+from deformer import DeformationModel, InputError, Mesh, io
 from deformer_app.camera import Camera, aim, upright_axes
 from deformer_app.colouring import Paint
 from deformer_app.controller import Hover
@@ -25,11 +26,13 @@ from deformer_app.gizmo import Gizmo, Mode
 from deformer_app.mesh_view import DARK, KIND_COLOURS, LIGHT, SELECTED, Marks, MeshView
 from deformer_app.posing import Answer, Poser, Request
 from deformer_app.session import Edit, Handle, ModelName, Session, Solution, point
-from deformer_app.solver_thread import SolverThread
+from deformer_app.solver_thread import SolverThread, beside
 
 _REST = 0.25  # seconds without change after which the picture is drawn sharply
 _GLIDE = 0.12  # seconds from the last pose of a drag to the final one
-_LATE = 0.03  # seconds after a frame that the next one waits for the pose it belongs to
+# Seconds after a frame that the next one waits for the pose it belongs to. During a drag a frame
+# without it shows next to nothing, and is in the way of the one that follows.
+_LATE, _LATE_IN_DRAG = 0.03, 0.15
 
 
 @dataclass(frozen=True)
@@ -60,9 +63,12 @@ class Desk:
         self.gizmo_shown = True
         self.look = Look()
         self.target: Mesh | None = None
+        self._target_file: dict[str, str] | None = None
         self.on_change: list[Callable[[str], None]] = []
         self.latencies: deque[float] = deque(maxlen=200)  # seconds, from a move to its frame
         self.answer: Answer | None = None
+        # Strengths and limits of the components, once they have been measured.
+        self.activations: deformer.Activations | None = None
         self._notify = notify
         self._model: DeformationModel | None = None
         self._session: Session | None = None
@@ -75,7 +81,7 @@ class Desk:
         self._changed_at = self._drawn_at = 0.0
         self._jobs: list[Iterator[None]] = []
         self.on_frame: Callable[[], None] | None = None
-        self.message = ""
+        self.message = self.notice = ""
         self._paint: Paint | None = None
 
     @property
@@ -111,7 +117,8 @@ class Desk:
             session.check_fits(model, path)
         if self._thread is not None:
             self._thread.close(0.0)
-        self._model, self.target, self.answer = model, None, None
+        self._model, self.answer, self.activations = model, None, None
+        self.target, self._target_file = None, None
         name = ModelName(_portable(path), model.fingerprint)
         self._session = session or Session.begin(name, self.start_codes()["Reference"])
         self._selected, self._hover = frozenset(), Hover()
@@ -159,12 +166,8 @@ class Desk:
                 "up": list(camera.up),
                 "view_angle": camera.view_angle,
             },
-            # A target mesh is another file: it has to be loaded again.
-            "look": {
-                **vars(look),
-                "ghost": "none" if look.ghost == "target" else look.ghost,
-                "colour": "plain" if look.colour == "error" else look.colour,
-            },
+            "look": vars(look),
+            "target": self._target_file,
         }
 
     def _restore_view(self) -> None:
@@ -176,10 +179,50 @@ class Desk:
                 position, focal, up = (point(kept[n]) for n in ("position", "focal", "up"))
                 self.camera = Camera(position, focal, up, float(kept["view_angle"]))
             look = Look(**seen.get("look", {}))
-        except (KeyError, TypeError, ValueError) as error:
+            if seen.get("target") is not None:
+                self._restore_target(str(seen["target"]["path"]), str(seen["target"]["sha256"]))
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise InputError(f"session: damaged view ({error}); remove 'view' from it") from error
+        if self.target is None:
+            ghost = "none" if look.ghost == "target" else look.ghost
+            colour = "plain" if look.colour == "error" else look.colour
+            look = replace(look, ghost=ghost, colour=colour)
         self.change_look(**vars(look))
         self.camera_moved()
+
+    def load_target(self, path: str | Path) -> None:
+        """Compare with a mesh of the same connectivity.
+
+        Raises:
+            InputError: it has another number of vertices.
+        """
+        self._take_target(path)
+        self.change_look(ghost="target", colour="error")
+
+    def _take_target(self, path: str | Path) -> None:
+        mesh, file = self._load_alike(path), Path(path).resolve()
+        self.target = mesh
+        self._target_file = {"path": str(file), "sha256": _checksum(file)}
+
+    def _restore_target(self, path: str, checksum: str) -> None:
+        """Load the mesh that a session was compared with; say so where that is not possible."""
+        try:
+            self._take_target(path)
+        except (InputError, OSError) as error:
+            self._failed(InputError(f"The target mesh of this session cannot be loaded: {error}"))
+            self._target_file = {"path": path, "sha256": checksum}  # it may come back
+        else:
+            if self._target_file != {"path": path, "sha256": checksum}:
+                self._failed(InputError(f"{path}: the target mesh has changed since it was saved"))
+
+    def _load_alike(self, path: str | Path) -> Mesh:
+        mesh, reference = io.load_mesh(path), self.model.reference
+        if mesh.vertices.shape != reference.vertices.shape:
+            raise InputError(
+                f"{path}: {len(mesh.vertices)} vertices, expected {len(reference.vertices)} as the "
+                "model has; choose a mesh of the same connectivity"
+            )
+        return mesh
 
     def start_codes(self) -> dict[str, NDArray[np.float64]]:
         """Latent codes to start from, by name: the reference and every training shape."""
@@ -200,11 +243,6 @@ class Desk:
     def code(self) -> NDArray[np.float64]:
         """The latent code (K,) of the pose that is shown."""
         return np.array(self.edit.base) if self.answer is None else self.answer.pose.z
-
-    @property
-    def activations(self) -> deformer.Activations | None:
-        """Strengths and limits of the components, once they have been measured."""
-        return None if self.answer is None else self.answer.activations
 
     @property
     def size(self) -> tuple[int, int]:
@@ -252,9 +290,12 @@ class Desk:
         if before.colour != look.colour:
             self._paint = None
             view.paint(None)
-            self.ask(self.answer.solution if self.answer and self._is_final() else None)
+            self._repaint()
         self._touch()
         self._emit("look")
+
+    def _repaint(self) -> None:
+        self.ask(self.answer.solution if self.answer and self._is_final() else None)
 
     def _is_final(self) -> bool:
         answer = self.answer
@@ -304,7 +345,15 @@ class Desk:
         self._asked[self._number] = time.perf_counter()
         target = None if self.target is None else self.target.vertices
         self._thread.ask(
-            Request(self.edit, solution, moving, self.look.colour, target, self._number)
+            Request(
+                self.edit,
+                solution,
+                moving,
+                self.look.colour,
+                target,
+                self.activations,
+                self._number,
+            )
         )
         self._touch()
 
@@ -339,18 +388,19 @@ class Desk:
         if answer is not None:
             self._show(answer)
         now = time.perf_counter()
-        waiting = self._thread.busy and now - self._drawn_at < _LATE and self.answer is not None
+        late = _LATE_IN_DRAG if self.session.under_way else _LATE
+        waiting = self._thread.busy and now - self._drawn_at < late and self.answer is not None
         if self._dirty and (answer is not None or not waiting):
             self._draw(answer)
         elif self._rests(now) and self.view.sharpen(True):
             self.view.render()
-        if self._jobs:
+        for job in tuple(self._jobs):
             try:
-                next(self._jobs[0])
+                next(job)
             except StopIteration:
-                del self._jobs[0]
+                self._jobs.remove(job)
             except (InputError, OSError) as error:
-                del self._jobs[0]
+                self._jobs.remove(job)
                 self._failed(error)
 
     def _rests(self, now: float) -> bool:
@@ -358,6 +408,9 @@ class Desk:
 
     def _show(self, answer: Answer) -> None:
         before, self.answer = self.answer, answer
+        if before is None:
+            self._asked.clear()  # what waited for the preparation tells nothing of the feel
+            self.run(self._measure_components())
         if before is not None and answer.final and before.request.edit == answer.request.edit:
             self.run(self._glide(before.pose.vertices, answer))
         else:
@@ -369,6 +422,16 @@ class Desk:
             self.session.solved(answer.request.edit, answer.solution)
         self._dirty = True
         self._emit("pose")
+
+    def _measure_components(self) -> Iterator[None]:
+        """Find strengths and limits of the components on a thread: seconds on a large mesh."""
+        model = self.model
+        found = yield from beside(lambda: deformer.Activations(model))
+        if self._model is model:
+            self.activations = found
+            if self.look.colour.startswith("component"):
+                self._repaint()
+            self._emit("components")
 
     def _glide(self, start: NDArray[np.float64], answer: Answer) -> Iterator[None]:
         """Go from what a drag has shown to the final pose in a few frames.
@@ -435,6 +498,11 @@ class Desk:
         targets = np.array([target for _, target, _ in rows]).reshape(-1, 3)
         return Marks(self.vertices[index], targets, colours, sizes), [h.id for _, _, h in rows]
 
+    def note(self, text: str) -> None:
+        """Tell the user something that is no mistake."""
+        self.notice = text
+        self._emit("notice")
+
     def _failed(self, error: Exception) -> None:
         self.message = str(error) if isinstance(error, InputError) else f"{error!r}"
         self._emit("message")
@@ -449,13 +517,20 @@ class Desk:
                 listener(event)
 
 
+def _checksum(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
 def _lazily(model: DeformationModel) -> Callable[[Request], Iterator[Answer]]:
     """A poser that is prepared with the first request, on the thread that asks."""
     ready: list[Poser] = []
 
     def answer(request: Request) -> Iterator[Answer]:
         if not ready:
-            ready.append(Poser(model))
+            poser = Poser(model)
+            poser.rehearse()
+            ready.append(poser)
         return ready[0](request)
 
     return answer

@@ -6,7 +6,6 @@ there is time, and listens to `on_change`.
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -18,16 +17,18 @@ from numpy.typing import ArrayLike, NDArray
 import deformer
 from deformer import InputError, Mesh, io
 from deformer.geodesics import spread
-from deformer_app.colouring import Paint
+from deformer_app.colouring import component_paint
 from deformer_app.controller import Controller, Hover, Pixel
 from deformer_app.desk import Desk
 from deformer_app.gizmo import Mode, Motion
 from deformer_app.mesh_view import MeshView
 from deformer_app.pictures import save_picture
 from deformer_app.session import Body, Edit, Handle, Kind, Session, point
+from deformer_app.solver_thread import beside
 
 # A region is held by so many of its vertices.
 _HOLDS = 8
+_SELECT = "Select a handle first: click it, or a row of the list"
 _NEAR = 10.0  # pixels from a handle within which the mouse takes it
 
 
@@ -73,7 +74,7 @@ class Editor(Desk):
         """A line that says what the mouse would do here."""
         found = self._hover
         if self.preparing:
-            return "Preparing the solver (the first time takes half a minute) …"
+            return "Preparing the solver …"
         if self.mode == "paint":
             return "Paint a patch with the left button; Esc gives up"
         if found.part is not None:
@@ -85,8 +86,8 @@ class Editor(Desk):
         return "Drag the body to bend it, beside it to look around.  F1: all keys"
 
     def vertex_at(self, pixel: Pixel) -> int | None:
-        """The visible vertex nearest to a pixel on the surface."""
-        return self.view.vertex_at(pixel) if self.is_open else None
+        """The visible vertex nearest to a pixel on the surface; none before there is a pose."""
+        return self.view.vertex_at(pixel) if self.is_open and not self.preparing else None
 
     def handle_at(self, pixel: Pixel) -> int | None:
         """Id of the visible handle at a pixel: where it is, or its target."""
@@ -249,28 +250,15 @@ class Editor(Desk):
         Raises:
             InputError: it has another number of vertices.
         """
-        mesh, model, found = self._load_alike(path), self.model, []
-        worker = threading.Thread(target=lambda: found.append(model.fit(mesh.vertices)))
+        mesh, model = self._load_alike(path), self.model
 
         def wait() -> Iterator[None]:
-            worker.start()
-            while worker.is_alive():
-                yield
-            if not found:
-                raise InputError(f"{path}: no code could be fitted to it; check the mesh")
+            self.note(f"Looking for the code of {path} …")
+            code = yield from beside(lambda: model.fit(mesh.vertices))
             if self._model is model:
-                self.start_from(Path(path).name, found[0])
+                self.start_from(Path(path).name, code)
 
         self.run(wait())
-
-    def _load_alike(self, path: str | Path) -> Mesh:
-        mesh, reference = io.load_mesh(path), self.model.reference
-        if mesh.vertices.shape != reference.vertices.shape:
-            raise InputError(
-                f"{path}: {len(mesh.vertices)} vertices, expected {len(reference.vertices)} as the "
-                "model has; choose a mesh of the same connectivity"
-            )
-        return mesh
 
     def reset(self) -> None:
         """Go back to the reference, with no handles."""
@@ -282,7 +270,9 @@ class Editor(Desk):
             self.change("Start from this pose", replace(self.edit, base=self.answer.solution.z))
 
     def slide(self, component: int, value: float) -> None:
-        """Set a component of the code; handles resist. `commit` ends it."""
+        """Set a component of the code; handles resist. `commit` ends it. Not during a drag."""
+        if self.dragging:
+            return
         if self._grasped is None:
             self._grasped = self.edit
             self._slid_from = self.code
@@ -310,6 +300,8 @@ class Editor(Desk):
             ]
         if held:
             self.change(f"Make {kind}", self.edit.with_handles(held))
+        else:
+            self.note(_SELECT)
 
     def set_weight(self, weight: float) -> None:
         """Weigh the selected handles; `commit` ends it."""
@@ -330,6 +322,8 @@ class Editor(Desk):
         """Remove the selected handles."""
         if self._selected:
             self.change("Delete", self.edit.without(self._selected))
+        else:
+            self.note(_SELECT)
 
     def clear(self) -> None:
         """Remove all handles."""
@@ -350,8 +344,7 @@ class Editor(Desk):
         if component is None:
             self.view.paint(None if self.answer is None else self._paint)
         else:
-            support = self.activations.support(component)
-            self.view.paint(Paint(support, "vertices", self.model.label(component), (0.0, 1.0)))
+            self.view.paint(component_paint(self.model, self.activations, component))
         self._touch()
 
     def find_symmetry(self) -> None:
@@ -387,11 +380,14 @@ class Editor(Desk):
         if changed:
             self.change("Mirror", edit.with_handles(changed))
             self.select([h.id for h in changed], add=True)
+        else:
+            self.note("Nothing to mirror: place a handle beside the plane of symmetry first")
 
     def suggest(self) -> None:
         """Place a handle where it would tell most, and show where that is."""
         if self.look.colour != "uncertainty":
             self.change_look(colour="uncertainty")
+            self.note("Red is where one more handle would tell most; N again places it")
         elif self.answer is not None and self.answer.suggestion is not None:
             self.place(self.answer.suggestion)
             self.commit("Suggested handle")
@@ -408,21 +404,18 @@ class Editor(Desk):
         self._touch()
         self._emit("look")
 
-    def load_target(self, path: str | Path) -> None:
-        """Compare with a mesh of the same connectivity.
-
-        Raises:
-            InputError: it has another number of vertices.
-        """
-        self.target = self._load_alike(path)
-        self.change_look(ghost="target", colour="error")
-
     def screenshot(self, path: str | Path) -> None:
         """Write the picture as it is, sharply."""
         save_picture(path, self.view.picture())
 
     def export_pose(self, path: str | Path) -> None:
-        """Write the surface that is shown as a mesh file."""
+        """Write the surface that is shown as a mesh file.
+
+        Raises:
+            InputError: there is no pose yet.
+        """
+        if self.preparing:
+            raise InputError(f"{path}: the solver is still being prepared; try again in a moment")
         io.save_mesh(path, Mesh(self.vertices, self.model.reference.faces))
 
     def export_handles(self, path: str | Path) -> None:

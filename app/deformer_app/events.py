@@ -25,7 +25,8 @@ def listen(
 
     def where() -> Pixel:
         x, y = interactor.GetEventPosition()
-        return x + 0.5, view.size[1] - y - 0.5  # the middle of the pixel
+        density, (_, height) = view.density, view.plotter.render_window.GetSize()
+        return (x + 0.5) / density, (height - y - 0.5) / density  # the middle of the pixel
 
     def held() -> Keys:
         return Keys(

@@ -68,7 +68,7 @@ class Dots(_Marks):
         super().__init__(renderer)
         self._size = size
         look = self.actor.GetProperty()
-        look.SetPointSize(size)
+        self.magnify(1.0)
         look.SetRenderPointsAsSpheres(True)
         look.SetAmbient(0.45)
         look.SetDiffuse(0.6)
@@ -77,7 +77,7 @@ class Dots(_Marks):
         self._mapper.SetRelativeCoincidentTopologyPointOffsetParameter(-6000.0)
 
     def magnify(self, factor: float) -> None:
-        """Draw with so many times the size: pixels are smaller where a frame is supersampled."""
+        """Draw with so many times the size: pixels may be smaller than those that one aims at."""
         self.actor.GetProperty().SetPointSize(factor * self._size)
 
     def show(self, points: NDArray, colours: Sequence[str]) -> None:
@@ -99,9 +99,13 @@ class Strokes(_Marks):
     def __init__(self, renderer: vtkRenderer, width: float) -> None:
         """Begin with none."""
         super().__init__(renderer)
-        look = self.actor.GetProperty()
-        look.SetLineWidth(width)
-        look.SetLighting(False)
+        self._width = width
+        self.magnify(1.0)
+        self.actor.GetProperty().SetLighting(False)
+
+    def magnify(self, factor: float) -> None:
+        """Draw with so many times the width."""
+        self.actor.GetProperty().SetLineWidth(factor * self._width)
 
     def show(self, lines: Sequence[NDArray], colours: Sequence[str]) -> None:
         """Draw polylines, each (n, 3) in its colour."""

@@ -1,13 +1,14 @@
 """The picture: surface, ghost, handles, manipulator and colours as actors on any pyvista plotter.
 
 It draws what it is told and says what lies under a pixel; it decides nothing. Pixels count from the
-top left corner. Everything here runs on the thread of the window.
+top left corner and are those that a person aims at: of a dense screen, each is several of VTK's.
+Everything here runs on the thread of the window.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -78,9 +79,13 @@ class MeshView:
     Args:
         plotter: of any kind; its lights and its interactor's style are replaced.
         theme: colours.
+        density: tells how many of VTK's pixels lie along each side of one that a person aims at;
+            asked again with every use, as a window may be moved to another screen.
     """
 
-    def __init__(self, plotter: Any, theme: Theme = LIGHT) -> None:
+    def __init__(
+        self, plotter: Any, theme: Theme = LIGHT, density: Callable[[], float] = lambda: 1.0
+    ) -> None:
         """Set up lights, layers and picking; there is no mesh yet."""
         self.plotter = plotter
         self.theme = theme
@@ -93,6 +98,7 @@ class MeshView:
         self._smooth = True
         self._edges = False
         self._sharp = False
+        self._screen, self._density = density, 1.0
         self._picker = vtkCellPicker()
         self._picker.SetTolerance(0.0)
         self._picker.PickFromListOn()
@@ -108,6 +114,8 @@ class MeshView:
         self._residuals, self._targets = Strokes(self._overlay, 2.5), Dots(self._overlay, 9)
         self._gizmo, self._gizmo_lit = Strokes(self._overlay, 3.5), Strokes(self._overlay, 5.5)
         self._tips, self._box = Dots(self._overlay, 11), Strokes(self._overlay, 1.5)
+        self._above = (self._residuals, self._targets, self._gizmo, self._gizmo_lit, self._tips,
+                       self._box)  # fmt: skip
         self._texts = self._add_texts()
         self.set_theme(theme)
 
@@ -127,7 +135,12 @@ class MeshView:
     def size(self) -> tuple[int, int]:
         """Width and height of the picture in pixels."""
         width, height = self.plotter.render_window.GetSize()
-        return max(int(width), 1), max(int(height), 1)
+        return max(round(width / self.density), 1), max(round(height / self.density), 1)
+
+    @property
+    def density(self) -> float:
+        """VTK's pixels along each side of one of the picture."""
+        return self._screen()
 
     def set_theme(self, theme: Theme) -> None:
         """Change the colours."""
@@ -314,7 +327,7 @@ class MeshView:
             rows = [n for n, s in enumerate(marks.sizes) if s == size]
             if size not in self._balls:
                 self._balls[size] = Dots(self.plotter.renderer, size)
-                self._balls[size].magnify(self._magnification)
+                self._balls[size].magnify(self._density * self._magnification)
             self._balls[size].show(marks.positions[rows], [marks.colours[n] for n in rows])
         self._targets.clear()
         self._residuals.clear()
@@ -385,8 +398,7 @@ class MeshView:
         """The corner nearest to a pixel of the face that is seen there."""
         if self._surface is None or self.camera is None:
             return None
-        x, y = pixel
-        self._picker.Pick(x, self.size[1] - y, 0.0, self.plotter.renderer)
+        self._pick(pixel)
         face = self._picker.GetCellId()
         if face < 0:
             return None
@@ -398,12 +410,16 @@ class MeshView:
         """Whether the surface leaves a point (3,) in sight."""
         if self._surface is None or self.camera is None:
             return False
-        x, y = self.camera.project(np.array([point]), self.size)[0]
-        self._picker.Pick(x, self.size[1] - y, 0.0, self.plotter.renderer)
+        self._pick(self.camera.project(np.array([point]), self.size)[0])
         if self._picker.GetCellId() < 0:
             return True
         there, here = self.camera.depths(np.array([self._picker.GetPickPosition(), point]))
         return bool(here < there + 8 * self.camera.pixel_size(point, self.size))
+
+    def _pick(self, pixel: Any) -> None:
+        x, y = np.asarray(pixel) * self.density
+        _, height = self.plotter.render_window.GetSize()
+        self._picker.Pick(x, height - y, 0.0, self.plotter.renderer)
 
     @property
     def _magnification(self) -> float:
@@ -412,6 +428,9 @@ class MeshView:
     def render(self) -> None:
         """Draw a frame."""
         begun = time.perf_counter()
+        if self._density != self.density:
+            self._density = self.density
+            self._size_marks()
         self.plotter.render()
         self.frame_milliseconds = 1000.0 * (time.perf_counter() - begun)
 
@@ -424,10 +443,15 @@ class MeshView:
             self.plotter.enable_anti_aliasing("ssaa")
         else:
             self.plotter.disable_anti_aliasing()
-        for dots in (*self._balls.values(), self._hover):
-            dots.magnify(self._magnification)
+        self._size_marks()
         self._overlay.SetUseFXAA(sharp)
         return True
+
+    def _size_marks(self) -> None:
+        for dots in (*self._balls.values(), self._hover):
+            dots.magnify(self._density * self._magnification)
+        for mark in self._above:
+            mark.magnify(self._density)
 
     @property
     def is_sharp(self) -> bool:

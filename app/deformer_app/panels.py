@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from PySide6.QtCore import QEvent, QObject, QSignalBlocker, Qt
@@ -36,7 +36,7 @@ from deformer_app.session import BODIES, KINDS, NOISE, Body, Kind
 _STEPS = 1000  # of a slider
 _DIAL = (0.1, 10.0)  # of the default noise: the prior's dial, from loose to hard
 _WEIGHTS = (0.05, 50.0)
-_BODY = {"auto": "free once 3 handles hold it", "stays": "stays in place", "moves": "free"}
+_BODY = {"auto": "Automatic", "stays": "Stays in place", "moves": "Free to move"}
 _GHOSTS = {"none": "None", "reference": "Reference", "target": "Target"}
 
 
@@ -62,6 +62,12 @@ def _place(value: float, low: float, high: float) -> float:
     return _STEPS * math.log(value / low) / math.log(high / low)
 
 
+def _waiting() -> QLabel:
+    label = QLabel("Measuring the components …")
+    label.setAlignment(Qt.AlignmentFlag.AlignCenter)
+    return label
+
+
 class ModelPanel(QWidget):
     """Where to start from, how hard the prior holds, how the surface is coloured."""
 
@@ -75,7 +81,11 @@ class ModelPanel(QWidget):
         self._start.activated.connect(self._begin)
         self._dial = _slider(self._turn, lambda: editor.commit("Strength of the prior"))
         self._dial.setToolTip("Left: handles win. Right: the examples hold hard")
+        prior = QHBoxLayout()
+        for widget in (QLabel("loose"), self._dial, QLabel("firm")):
+            prior.addWidget(widget)
         self._body = QComboBox()
+        self._body.setToolTip("Automatic: in place, and free to move once three handles hold it")
         for body in BODIES:
             self._body.addItem(_BODY[body], body)
         self._body.activated.connect(lambda n: editor.set_body(cast(Body, self._body.itemData(n))))
@@ -99,16 +109,17 @@ class ModelPanel(QWidget):
             box.setSizeAdjustPolicy(
                 QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
             )
-        for label, field in (
+        rows: tuple[tuple[str, Any], ...] = (
             ("Model", self._name),
             ("Start from", self._start),
-            ("Prior", self._dial),
+            ("Prior", prior),
             ("Body", self._body),
             ("Off data", self._meter),
             ("Colour", self._colour),
             ("Ghost", self._ghost),
             ("E_rms", self._error),
-        ):
+        )
+        for label, field in rows:
             form.addRow(label, field)
 
     def _begin(self, row: int) -> None:
@@ -138,15 +149,20 @@ class ModelPanel(QWidget):
         self._body.setCurrentIndex(BODIES.index(editor.edit.body))
         has_target = editor.target is not None
         colours = [n for n in COLOURINGS if n != "component" and (n != "error" or has_target)]
+        titles = dict(COLOURINGS)
+        kind, _, number = editor.look.colour.partition(":")
+        if kind == "component":
+            colours.append(editor.look.colour)
+            titles[editor.look.colour] = editor.model.label(int(number)).capitalize()
         ghosts = [n for n in _GHOSTS if n != "target" or has_target]
-        for box, names, titles, now in (
-            (self._colour, colours, COLOURINGS, editor.look.colour),
+        for box, names, texts, now in (
+            (self._colour, colours, titles, editor.look.colour),
             (self._ghost, ghosts, _GHOSTS, editor.look.ghost),
         ):
             if [box.itemData(n) for n in range(box.count())] != names:
                 box.clear()
                 for name in names:
-                    box.addItem(titles[name], name)
+                    box.addItem(texts[name], name)
             box.setCurrentIndex(names.index(now) if now in names else 0)
         answer = editor.answer
         if answer is None:
@@ -172,7 +188,9 @@ class HandlePanel(QWidget):
         self._table.verticalHeader().hide()
         self._table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
         self._table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        self._table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Stretch)
+        header = self._table.horizontalHeader()
+        header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+        header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
         self._table.itemSelectionChanged.connect(self._select)
         self._kinds, row = QButtonGroup(self), QHBoxLayout()
         tips = ("Close to its target", "Exactly on its target", "Stays where it is")
@@ -287,14 +305,15 @@ class ComponentPanel(QScrollArea):
         super().__init__()
         self._editor = editor
         self._rows: dict[int, tuple[QSlider, QLabel]] = {}
+        self._names: dict[int, QToolButton] = {}
         self._filled_for: object = None
         self.setWidgetResizable(True)
-        self.setWidget(QLabel("Measuring the components …"))
+        self.setWidget(_waiting())
 
     def model_changed(self) -> None:
         """Another model is open."""
-        self._rows, self._filled_for = {}, None
-        self.setWidget(QLabel("Measuring the components …"))
+        self._rows, self._names, self._filled_for = {}, {}, None
+        self.setWidget(_waiting())
 
     def _fill(self) -> None:
         known = self._editor.activations
@@ -323,9 +342,14 @@ class ComponentPanel(QScrollArea):
             reset.setToolTip("Back to the reference's value")
             reset.clicked.connect(lambda _, k=k: self._reset(k))
             model = self._editor.model
-            name = QLabel(model.names.get(k, str(k)))
-            name.setToolTip(model.label(k))
+            name = QToolButton()
+            name.setText(model.names.get(k, str(k)))
+            name.setToolTip(f"{model.label(k).capitalize()}: click to keep it coloured")
+            name.setAutoRaise(True)
+            name.setCheckable(True)
             name.setMaximumWidth(96)
+            name.clicked.connect(lambda on, k=k: self._colour(k, on))
+            self._names[k] = name
             for widget in (name, bar):
                 widget.setProperty("component", k)
                 widget.installEventFilter(self)
@@ -334,6 +358,9 @@ class ComponentPanel(QScrollArea):
             self._rows[k] = slider, value
         grid.setRowStretch(len(self._rows), 1)
         self.setWidget(body)
+
+    def _colour(self, k: int, on: bool) -> None:
+        self._editor.change_look(colour=f"component:{k}" if on else "plain")
 
     def _title(self, k: int) -> str:
         label = self._editor.model.label(k)
@@ -362,6 +389,7 @@ class ComponentPanel(QScrollArea):
             low, high = self._limits(k)
             _set(slider, _STEPS * (float(code[k]) - low) / (high - low))
             value.setText(f"{code[k]:.2f}")
+            self._names[k].setChecked(self._editor.look.colour == f"component:{k}")
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """Show a component's support while the mouse is over its row."""

@@ -11,7 +11,7 @@ import ctypes
 import math
 import os
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -194,30 +194,30 @@ def save_picture(path: str | os.PathLike[str], image: Picture) -> None:
     Image.fromarray(image).save(Path(path))
 
 
-def save_gif(path: str | os.PathLike[str], frames: Iterable[Picture], fps: float = 20.0) -> None:
+def save_gif(path: str | os.PathLike[str], frames: Sequence[Picture], fps: float = 20.0) -> None:
     """Write pictures as an endless GIF with one palette, so that still parts do not flicker.
 
     Raises:
         InputError: no frames.
     """
-    pictures = [Image.fromarray(frame) for frame in frames]
-    if not pictures:
+    if not len(frames):
         raise deformer.InputError(f"{path}: got no frames, expected at least one")
     # The palette comes from a few frames spread over the animation, set side by side.
-    samples = pictures[:: max(1, len(pictures) // 8)]
-    width, height = pictures[0].size
+    samples = [Image.fromarray(frame) for frame in frames[:: max(1, len(frames) // 8)]]
+    width, height = samples[0].size
     strip = Image.new("RGB", (width * len(samples), height))
     for index, sample in enumerate(samples):
         strip.paste(sample, (index * width, 0))
     palette = strip.quantize(255, method=Image.Quantize.MEDIANCUT)
-    indexed = [
-        picture.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG)
-        for picture in pictures
-    ]
-    indexed[0].save(
+    # One at a time: a minute of a large window would fill gigabytes.
+    indexed = (
+        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+        for frame in frames
+    )
+    next(indexed).save(
         Path(path),
         save_all=True,
-        append_images=indexed[1:],
+        append_images=indexed,
         duration=max(20, round(1000 / fps)),
         loop=0,
         optimize=False,

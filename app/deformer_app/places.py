@@ -66,6 +66,16 @@ class Places:
         self._write(recent=[path, *others][:_RECENT])
 
     @property
+    def layout(self) -> tuple[str, str]:
+        """Where the window and its docks were, as the window has noted it; empty at first."""
+        geometry, docks = self._read().get("layout", ("", ""))
+        return str(geometry), str(docks)
+
+    def note_layout(self, geometry: str, docks: str) -> None:
+        """Remember where the window and its docks are."""
+        self._write(layout=[geometry, docks])
+
+    @property
     def tour_seen(self) -> bool:
         """Whether the tour has been shown."""
         return bool(self._read().get("tour_seen"))

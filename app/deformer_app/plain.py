@@ -88,6 +88,8 @@ class PlainWindow:
         editor = self.editor
         if event == "message":
             self._say(editor.message)
+        elif event == "notice":
+            self._say(editor.notice)
         elif event == "frame" and not self._asked_to_close:
             editor.view.write("bottom", editor.hint)
             solve = editor.answer.pose.milliseconds if editor.answer else 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import deformer
 from deformer import DeformationModel, HandleSolver, Pose
 from deformer_app.colouring import Colouring, Paint
-from deformer_app.session import Edit, Session, Solution, point
+from deformer_app.session import Edit, Handle, Session, Solution, point
 
 # While the mouse rests with the button down, and after it is released: so many frames at most.
 _FRAMES = 12
@@ -28,6 +28,7 @@ class Request:
         moving: more requests are about to follow, so that nothing needs to be finished.
         colour: name of a colouring, see `Colouring`.
         target: a shape (V, 3) to compare with.
+        activations: supports of the components to colour by, once they are known.
         number: counts requests, for timing.
     """
 
@@ -36,6 +37,7 @@ class Request:
     moving: bool = False
     colour: str = "plain"
     target: NDArray[np.float64] | None = None
+    activations: deformer.Activations | None = None
     number: int = 0
 
 
@@ -52,7 +54,6 @@ class Answer:
         error: E_rms against the target, nothing aligned, if there is one.
         suggestion: vertex of the next handle, where that was asked for by colour.
         final: nothing better will follow.
-        activations: strengths and limits of the components, once they are known.
     """
 
     request: Request
@@ -63,7 +64,6 @@ class Answer:
     error: float | None
     suggestion: int | None
     final: bool
-    activations: deformer.Activations | None
 
     @property
     def solution(self) -> Solution:
@@ -80,25 +80,26 @@ class Poser:
     """
 
     def __init__(self, model: DeformationModel) -> None:
-        """Prepare the solver; the first time after an installation this compiles for a while."""
+        """Prepare the solver."""
         self._model = model
         self._solver = HandleSolver(model)
         self._familiarity = deformer.Familiarity(model)
         self.colouring = Colouring(model)
         self._taken: Edit | None = None
-        self._activations: deformer.Activations | None = None
+
+    def rehearse(self) -> None:
+        """Solve for a handle of each kind, so that no user's first drag waits for a compiler.
+
+        The first time after an installation this takes a minute, later a fraction of a second.
+        """
+        base, reference = tuple(self._model.codes[0].tolist()), self._model.reference
+        aside = point(reference.vertices[0] + 0.02 * reference.bounding_diagonal)
+        for kind in ("soft", "exact"):
+            self.settle(Edit(base, (Handle(1, (0,), (aside,), kind),)))
+        self._taken = None
 
     def __call__(self, request: Request) -> Iterator[Answer]:
         """Answers that get better and better; the last one is final unless more is to follow."""
-        answer = None
-        for answer in self._improve(request):
-            yield answer
-        if self._activations is None and answer is not None and answer.final:
-            # Seconds on a large mesh: the user has the pose by then.
-            self._activations = self.colouring.activations
-            yield replace(answer, activations=self._activations)
-
-    def _improve(self, request: Request) -> Iterator[Answer]:
         pose = self.begin(request.edit, request.solution)
         settled = request.solution is not None or not request.edit.handles
         if settled:
@@ -115,19 +116,20 @@ class Poser:
 
     def begin(self, edit: Edit, solution: Solution | None = None) -> Pose:
         """The pose of an edit: a known one, or one step from the last."""
+        fresh = self._taken is None
         self._take(edit)
         solver = self._solver
         if solution is not None:
             return solver.resume(solution.z, solution.rotation, solution.translation)
         if not edit.handles:
             return solver.resume(edit.base, np.zeros(3), np.zeros(3))
-        if solver.solution is None:
+        if fresh:
             solver.resume(edit.base, np.zeros(3), np.zeros(3))
         return solver.solve(warm=True)
 
     def settle(self, edit: Edit) -> Pose:
         """The final pose of an edit, as a window would show it after the mouse is released."""
-        return list(self._improve(Request(edit)))[-1].pose
+        return list(self(Request(edit)))[-1].pose
 
     def _rest(self, pose: Pose) -> Pose:
         """The pose as a function of its code and handles alone; see HandleSolver.resume."""
@@ -150,7 +152,7 @@ class Poser:
     def _answer(self, request: Request, pose: Pose, final: bool) -> Answer:
         reference = self._model.reference
         target = request.target
-        paint = self.colouring(request.colour, pose, target)
+        paint = self.colouring(request.colour, pose, target, request.activations)
         suggestion = None
         if request.colour == "uncertainty" and final:
             open_ = deformer.uncertainty(self._solver)
@@ -164,7 +166,6 @@ class Poser:
             None if target is None else deformer.e_rms(target, pose.vertices, "none"),
             suggestion,
             final,
-            self._activations,
         )
 
 

@@ -6,13 +6,14 @@ import time
 from collections.abc import Iterator, Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PIL import Image
 
 from deformer import InputError, io
 from deformer_app.pictures import Picture, save_gif
+from deformer_app.solver_thread import beside
 
 if TYPE_CHECKING:
     from deformer_app.editor import Editor
@@ -47,7 +48,7 @@ class Recorder:
         self._frames.append(packed.getvalue())
         self._times.append(now)
 
-    def stop(self) -> list[Picture]:
+    def stop(self) -> Sequence[Picture]:
         """The frames at a steady rate; a pause lasts at most half a second."""
         self._editor.on_frame = None
         if not self._frames:
@@ -56,7 +57,24 @@ class Recorder:
         at = np.concatenate([[0.0], np.cumsum(gaps)])
         steady = np.arange(0.0, at[-1] + 1.0 / FPS, 1.0 / FPS)
         shown = np.searchsorted(at, steady, side="right") - 1
-        return [np.asarray(Image.open(BytesIO(self._frames[n]))) for n in shown]
+        return _Film(self._frames, shown.tolist())
+
+
+class _Film(Sequence[Picture]):
+    """Compressed pictures, by the number of each to show; all as large as the last one."""
+
+    def __init__(self, frames: Sequence[bytes], shown: Sequence[int]) -> None:
+        self._frames, self._shown = frames, shown
+
+    def __len__(self) -> int:
+        return len(self._shown)
+
+    def __getitem__(self, place: Any) -> Any:
+        if isinstance(place, slice):
+            return _Film(self._frames, self._shown[place])
+        picture = Image.open(BytesIO(self._frames[self._shown[place]]))
+        size = Image.open(BytesIO(self._frames[-1])).size  # the window may have been resized
+        return np.asarray(picture if picture.size == size else picture.resize(size))
 
 
 def turntable(editor: Editor, path: Path) -> Iterator[None]:
@@ -79,7 +97,18 @@ def turntable(editor: Editor, path: Path) -> Iterator[None]:
     finally:
         editor.camera = first
         editor.camera_moved()
-    save_animation(path, pictures)
+    yield from saving(editor, path, pictures)
+
+
+def saving(editor: Editor, path: Path, pictures: Sequence[Picture]) -> Iterator[None]:
+    """Write pictures beside the window.
+
+    Raises:
+        InputError: see `save_animation`.
+    """
+    editor.note(f"Writing {path} …")
+    yield from beside(lambda: save_animation(path, pictures))
+    editor.note(f"Wrote {path}")
 
 
 def save_animation(path: Path, pictures: Sequence[Picture]) -> None:

@@ -1,18 +1,43 @@
-"""A thread that answers the latest request; whatever was asked in between is forgotten.
+"""Work beside the window, which never waits for it.
 
-The window writes one slot, the thread another: neither waits for the other, and a fast drag
-leaves no backlog.
+A thread answers the latest request; whatever was asked in between is forgotten. The window writes
+one slot, the thread another: neither waits for the other, and a fast drag leaves no backlog.
 """
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 Request = TypeVar("Request")
 Answer = TypeVar("Answer")
+Result = TypeVar("Result")
+
+
+def beside(work: Callable[[], Result]) -> Generator[None, None, Result]:
+    """Run `work` on a thread of its own; every step looks whether it is done.
+
+    Returns:
+        What `work` has returned, or its exception is raised.
+    """
+    results: list[Result] = []
+    errors: list[Exception] = []
+
+    def run() -> None:
+        try:
+            results.append(work())
+        except Exception as error:
+            errors.append(error)
+
+    thread = threading.Thread(target=run, name="work", daemon=True)
+    thread.start()
+    while thread.is_alive():
+        yield
+    if errors:
+        raise errors[0]
+    return results[0]
 
 
 @dataclass(frozen=True, eq=False)

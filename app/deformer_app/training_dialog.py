@@ -39,7 +39,7 @@ class TrainingDialog(QDialog):
         """Lay out."""
         super().__init__(parent)
         self.setWindowTitle("Train on shapes")
-        self.setMinimumWidth(460)
+        self.setMinimumWidth(560)
         self._opened = opened
         self._job: TrainingJob | None = None
         self.ended = False
@@ -53,9 +53,11 @@ class TrainingDialog(QDialog):
         self._up = QComboBox()
         self._up.addItems(["y", "z", "x", "-x", "-y", "-z"])
         form = QFormLayout()
-        form.addRow("Shapes", self._row(self._shapes, self._choose_shapes, "Folder…"))
-        form.addRow("", self._button("NPZ file…", self._choose_file))
-        form.addRow("Model", self._row(self._output, self._choose_output, "Folder…"))
+        folder = self._button("Folder…", self._choose_shapes)
+        file = self._button("NPZ…", self._choose_file)
+        form.addRow("Shapes", self._row(self._shapes, folder, file))
+        output = self._button("Folder…", self._choose_output)
+        form.addRow("Model", self._row(self._output, output))
         form.addRow("Components", self._components)
         form.addRow("Steps", self._epochs)
         form.addRow("Up axis", self._up)
@@ -81,12 +83,13 @@ class TrainingDialog(QDialog):
         button.clicked.connect(lambda _: run())
         return button
 
-    def _row(self, field: QLineEdit, choose: Callable[[], None], title: str) -> QWidget:
+    def _row(self, field: QLineEdit, *buttons: QPushButton) -> QWidget:
         row = QWidget()
         layout = QHBoxLayout(row)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(field, 1)
-        layout.addWidget(self._button(title, choose))
+        for button in buttons:
+            layout.addWidget(button)
         return row
 
     def choose(self, shapes: Path) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
-from PySide6.QtCore import QObject, Qt, QTimer, Signal
+from PySide6.QtCore import QByteArray, QEvent, QObject, Qt, QTimer, Signal
 from PySide6.QtGui import QAction, QCloseEvent, QColor, QFont, QKeySequence, QPalette, QShortcut
 from PySide6.QtWidgets import (
     QApplication,
@@ -19,6 +19,7 @@ from PySide6.QtWidgets import (
     QMainWindow,
     QMenu,
     QMessageBox,
+    QProgressBar,
     QPushButton,
     QToolBar,
     QVBoxLayout,
@@ -27,22 +28,24 @@ from PySide6.QtWidgets import (
 from pyvistaqt import QtInteractor
 
 from deformer import InputError
-from deformer_app.actions import ACTIONS, MENUS, MOUSE, Action
+from deformer_app.actions import ACTIONS, MENUS, Action, help_groups
 from deformer_app.editor import Editor
 from deformer_app.events import listen
 from deformer_app.mesh_view import MeshView
 from deformer_app.panels import ComponentPanel, HandlePanel, ModelPanel
 from deformer_app.places import Places
-from deformer_app.recording import Recorder, save_animation, turntable
+from deformer_app.recording import Recorder, saving, turntable
 from deformer_app.session import Session
 from deformer_app.training_dialog import TrainingDialog
 
 _TICK = 4  # milliseconds between two looks at the solver while something is going on
 _PANELS = 120  # milliseconds after a change until the docks show it
 _AUTOSAVE = 1500  # milliseconds after a step until it is written
+_PATIENCE = 700  # milliseconds of preparation after which the user is told
 _MOVIES = "Animations (*.gif *.mp4)"
 _TOOLBAR = {"Undo", "Redo", "Manipulator: move", "Manipulator: rotate", "Manipulator: scale",
             "Paint region", "Mirror", "Suggest next handle", "Frame all"}  # fmt: skip
+_HELP_COLUMNS = (("Mouse", "Help"), ("File", "Edit"), ("Handles",), ("View",))
 _TOUR = (
     ("Press the left button on a hand and pull it. The rest follows as in the examples.", "drag"),
     ("Drag beside the body to look around it; the wheel zooms to the cursor.", "camera"),
@@ -55,6 +58,31 @@ class _Wake(QObject):
     """Carries a call from the solver's thread to the window's."""
 
     called = Signal()
+
+
+class _Picture(QtInteractor):
+    """VTK in a widget that shows what has been drawn.
+
+    pyvistaqt (0.13.1) draws every frame a second time to show it, in case the scene has changed
+    since; here it has not. Drawn in software, that halved the rate.
+    """
+
+    _drawn = False
+
+    def _cb_frame(self, obj: Any, evt: Any) -> None:
+        self._drawn = not self._in_paint
+        super()._cb_frame(obj, evt)
+
+    def resizeGL(self, w: int, h: int) -> None:
+        """Forget the frame: it has another size."""
+        self._drawn = False
+        super().resizeGL(w, h)
+
+    def paintGL(self) -> None:
+        """Show the frame; draw it if that has not been done."""
+        self._in_paint, self._drawn = self._drawn, False
+        super().paintGL()
+        self._in_paint = False
 
 
 class Window(QMainWindow):
@@ -71,6 +99,7 @@ class Window(QMainWindow):
         self.setWindowTitle("Deformer")
         self.resize(1360, 880)
         self._file: Path | None = None
+        self._folder = Path.cwd()
         self._recorder: Recorder | None = None
         self._training: TrainingDialog | None = None
         self._help: QDialog | None = None
@@ -81,7 +110,7 @@ class Window(QMainWindow):
         self._timer = QTimer(self)
         self._timer.setInterval(_TICK)
         self._timer.timeout.connect(self._tick)
-        self._wake.called.connect(self._timer.start)
+        self._wake.called.connect(self._awake)
         self._later = self._delayed(_PANELS, self._refresh)
         self._autosave = self._delayed(_AUTOSAVE, self._write_autosave)
 
@@ -93,13 +122,31 @@ class Window(QMainWindow):
         self._tour, self._tour_text = self._strip(
             "#d0ebff", ("Next", self._next_step), ("End tour", self._end_tour)
         )
-        self.plotter = QtInteractor(centre, auto_update=False, multi_samples=0)
-        column.addWidget(self._banner)
+        self.plotter = _Picture(centre, auto_update=False, multi_samples=0)
+        self._film, film = self._strip("#ffe3e3", ("Stop", lambda: self._guard(self.record)))
+        film.setText("<b>●</b>&nbsp; Recording what the picture shows")
+        self._wait, wait = self._strip("#e9ecef")
+        wait.setText("Preparing the solver. The first time after an installation this takes a "
+                     "minute. You can look around already.")  # fmt: skip
+        bar = QProgressBar()
+        bar.setRange(0, 0)
+        bar.setFixedSize(120, 8)
+        cast(QHBoxLayout, self._wait.layout()).addWidget(bar)
         column.addWidget(self.plotter, 1)
         column.addWidget(self._tour)
         self.setCentralWidget(centre)
+        # They lie upon the picture: if it gave way to them, what is being dragged would jump.
+        self._notes = QWidget(centre)
+        notes = QVBoxLayout(self._notes)
+        notes.setContentsMargins(0, 0, 0, 0)
+        notes.setSpacing(0)
+        for strip in (self._banner, self._film, self._wait):
+            notes.addWidget(strip)
+        self._notes.hide()
+        self.plotter.installEventFilter(self)
 
-        self.editor = Editor(MeshView(self.plotter), self._wake.called.emit)
+        view = MeshView(self.plotter, density=self.plotter.devicePixelRatioF)
+        self.editor = Editor(view, self._wake.called.emit)
         self.editor.on_change.append(self._changed)
         listen(self.editor.view, self.editor.controller)
         self._actions = self._make_menus()
@@ -117,6 +164,7 @@ class Window(QMainWindow):
         self.statusBar().addWidget(self._hint, 1)
         self.statusBar().addPermanentWidget(self._times)
         QShortcut(QKeySequence("Esc"), self, self._escape)
+        self._restore_layout()
 
     def _delayed(self, milliseconds: int, run: Callable[[], None]) -> QTimer:
         timer = QTimer(self)
@@ -126,7 +174,7 @@ class Window(QMainWindow):
         return timer
 
     def _strip(
-        self, colour: str, *buttons: tuple[str, Callable[[], None]]
+        self, colour: str, *buttons: tuple[str, Callable[[], Any]]
     ) -> tuple[QWidget, QLabel]:
         """A coloured line of text with buttons, hidden."""
         strip, text = QWidget(), QLabel()
@@ -164,6 +212,8 @@ class Window(QMainWindow):
             item.setToolTip(f"{action.about or action.title}  {action.key}")
             item.setCheckable(action.checked is not None)
             item.triggered.connect(lambda _=False, a=action: self._run(a))
+            if action.rule:
+                self._menus[action.menu].addSeparator()
             self._menus[action.menu].addAction(item)
             if action.title in _TOOLBAR:
                 item.setIconText(
@@ -175,7 +225,17 @@ class Window(QMainWindow):
                 self._recent.aboutToShow.connect(self._list_recent)
                 self._menus["File"].addMenu(self._recent)
             made.append((action, item))
+        self._menus["View"].addSeparator()  # above the docks
         return made
+
+    def _restore_layout(self) -> None:
+        geometry, docks = (QByteArray.fromBase64(part.encode()) for part in self.places.layout)
+        self.restoreGeometry(geometry)
+        self.restoreState(docks)
+
+    def _note_layout(self) -> None:
+        parts = (self.saveGeometry(), self.saveState())
+        self.places.note_layout(*(bytes(part.toBase64().data()).decode() for part in parts))
 
     # Models, sessions, files.
 
@@ -208,6 +268,7 @@ class Window(QMainWindow):
         self._autosave.start()
 
     def _open(self, model: str | Path, session: Session | None, file: Path | None) -> None:
+        self._hide_banner()
         self.editor.open_model(model, session)
         self._file = file
         self.places.remember(str(file.resolve()) if file else self.editor.session.model.path)
@@ -288,18 +349,26 @@ class Window(QMainWindow):
 
     def ask_open(self, title: str, files: str) -> Path | None:
         """Ask for a file to read."""
-        name, _ = QFileDialog.getOpenFileName(self, title, "", files)
-        return Path(name) if name else None
+        name, _ = QFileDialog.getOpenFileName(self, title, str(self._folder), files)
+        return self._chosen(name)
 
     def ask_folder(self, title: str) -> Path | None:
         """Ask for a folder."""
-        name = QFileDialog.getExistingDirectory(self, title)
-        return Path(name) if name else None
+        return self._chosen(QFileDialog.getExistingDirectory(self, title, str(self._folder)))
 
     def ask_save(self, title: str, name: str, files: str) -> Path | None:
         """Ask for a file to write."""
-        name, _ = QFileDialog.getSaveFileName(self, title, name, files)
-        return Path(name) if name else None
+        dialog = QFileDialog(self, title, str(self._folder / name), files)
+        dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
+        dialog.setDefaultSuffix(Path(name).suffix)
+        return self._chosen(dialog.selectedFiles()[0] if dialog.exec() else "")
+
+    def _chosen(self, name: str) -> Path | None:
+        """What a dialog has given; the next one begins in the same folder."""
+        if not name:
+            return None
+        self._folder = Path(name).parent
+        return Path(name)
 
     def train(self) -> None:
         """Train a model on shapes that the user chooses."""
@@ -311,12 +380,14 @@ class Window(QMainWindow):
         """Begin or end a recording."""
         if self._recorder is None:
             self._recorder = Recorder(self.editor)
+            self._show(self._film)
             return
         recorder, self._recorder = self._recorder, None
+        self._show(self._film, False)
         pictures = recorder.stop()
         path = self.ask_save("Save recording", "drag.mp4", _MOVIES)
         if path is not None:
-            save_animation(path, pictures)
+            self.editor.run(saving(self.editor, path, pictures))
 
     def turntable(self) -> None:
         """Write a turntable."""
@@ -331,19 +402,25 @@ class Window(QMainWindow):
         if self._help is not None and self._help.isVisible():
             self._help.hide()
             return
-        keys = [(a.key, a.title.rstrip("…")) for a in ACTIONS if a.key]
-        third = -(-(len(MOUSE) + len(keys)) // 3)
-        rows = [
-            f"<tr><td><b>{key}</b>&nbsp;&nbsp;</td><td>{what}</td></tr>"
-            for key, what in (*MOUSE, *keys)
-        ]
         self._help = QDialog(self, Qt.WindowType.Tool)
         self._help.setWindowTitle("Keys and mouse")
         columns = QHBoxLayout(self._help)
-        for start in range(0, len(rows), third):
-            label = QLabel(f"<table>{''.join(rows[start : start + third])}</table>")
+        columns.setContentsMargins(18, 14, 18, 14)
+        columns.setSpacing(28)
+        texts = {
+            name: f"<tr><th colspan=2 align=left>{name}</th></tr>"
+            + "".join(
+                f"<tr><td><b>{key}</b>&nbsp;&nbsp;&nbsp;</td><td>{what}</td></tr>"
+                for key, what in rows
+            )
+            for name, rows in help_groups().items()
+        }
+        gap = "<tr><td>&nbsp;</td></tr>"
+        for names in _HELP_COLUMNS:
+            label = QLabel(f"<table>{gap.join(texts[name] for name in names)}</table>")
             label.setAlignment(Qt.AlignmentFlag.AlignTop)
             columns.addWidget(label)
+        QShortcut(QKeySequence("F1"), self._help, self._help.hide)
         self._help.show()
 
     def tour(self) -> None:
@@ -373,10 +450,30 @@ class Window(QMainWindow):
 
     def _say(self, text: str) -> None:
         self._banner_text.setText(text)
-        self._banner.show()
+        self._show(self._banner)
 
     def _hide_banner(self) -> None:
-        self._banner.hide()
+        self._show(self._banner, False)
+
+    def _show(self, strip: QWidget, shown: bool = True) -> None:
+        """Show or hide one of the strips at the top of the picture."""
+        strip.setVisible(shown)
+        self._place_notes()
+
+    def _place_notes(self) -> None:
+        layout, frame = cast(QVBoxLayout, self._notes.layout()), self.plotter.geometry()
+        strips = (self._banner, self._film, self._wait)
+        self._notes.setVisible(any(not strip.isHidden() for strip in strips))
+        layout.activate()
+        height = layout.totalHeightForWidth(frame.width())
+        self._notes.setGeometry(frame.x(), frame.y(), frame.width(), max(height, 1))
+        self._notes.raise_()
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Keep the strips as wide as the picture."""
+        if watched is self.plotter and event.type() == QEvent.Type.Resize:
+            self._place_notes()
+        return super().eventFilter(watched, event)
 
     # Events.
 
@@ -389,7 +486,12 @@ class Window(QMainWindow):
         """The editor says that something is different."""
         if event == "message":
             self._say(self.editor.message)
+        elif event == "notice":
+            self.statusBar().showMessage(self.editor.notice, 6000)
+        elif event == "pose":
+            self._show(self._wait, False)
         elif event == "model":
+            QTimer.singleShot(_PATIENCE, lambda: self._show(self._wait, self.editor.preparing))
             self._model.model_changed()
             self._components.model_changed()
         elif event == "look":
@@ -406,6 +508,10 @@ class Window(QMainWindow):
     def _advance(self, step: int) -> None:
         if self._tour_step == step and not self.editor.controller.dragging:
             self._next_step()
+
+    def _awake(self) -> None:
+        if not self._timer.isActive():  # to start it anew with every answer would put it off
+            self._timer.start()
 
     def _tick(self) -> None:
         self.editor.tick()
@@ -478,6 +584,7 @@ class Window(QMainWindow):
             if self._training is not None:
                 self._training.cancel()
             self._timer.stop()
+            self._note_layout()
             self.editor.close()
             self.places.close()
             self.plotter.close()

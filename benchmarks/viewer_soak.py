@@ -1,0 +1,219 @@
+"""Hours at the viewer in minutes: random mouse and keys, and what is left of it all.
+
+    python benchmarks/viewer_soak.py [MODEL] [--events 10000] [--seed 0]
+
+The Qt window on DISPLAY (xvfb-run gives one) gets moves, presses, releases, turns of the wheel and
+commands in an order that the seed decides. It fails on an exception, on a message of an error, if
+the memory has grown by more than 5 % since the first fifth, or if the session at the end is not the
+same after saving and loading, undoing it all and redoing it all.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+
+GROWTH = 0.05  # of memory since the first fifth
+# Commands that end the program, ask for files or leave the window for a dialog.
+_ASIDE = {"Quit", "Save session", "Keys and mouse", "Tour", "Turntable…", "Record"}
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options.add_argument("model", nargs="?", default="humanoid")
+    options.add_argument("--events", type=int, default=10_000)
+    options.add_argument("--seed", type=int, default=0)
+    chosen = options.parse_args()
+    failures, growth = soak(chosen.model, chosen.events, chosen.seed, print)
+    print(f"memory since the first fifth: {100 * growth:+.1f} %")
+    if growth > GROWTH:
+        failures.append(f"memory has grown by {100 * growth:.1f} %")
+    for failure in failures:
+        print(f"FAILED: {failure}", file=sys.stderr)
+    sys.stdout.flush()
+    os._exit(1 if failures else 0)  # the threads and windows of three libraries need no farewell
+
+
+def soak(
+    model: str, events: int, seed: int, report: Callable[[str], Any]
+) -> tuple[list[str], float]:
+    """Send the events; what went wrong, and by what share memory has grown."""
+    from PySide6.QtWidgets import QApplication
+
+    from deformer_app.places import Places
+    from deformer_app.window import Window
+
+    app = QApplication.instance() or QApplication([])
+    places = Places(Path(tempfile.mkdtemp()))
+    places.note_tour()
+    window = Window(places)
+    failures: list[str] = []
+    before = sys.excepthook
+    sys.excepthook = lambda kind, error, trace: failures.append(f"{kind.__name__}: {error}")
+    editor = window.editor
+    editor.on_change.append(
+        lambda event: failures.append(editor.message) if event == "message" else None
+    )
+    window.show()
+    window.begin(model, None, None)
+
+    def pump() -> None:
+        app.processEvents()
+        time.sleep(0.0005)
+
+    try:
+        wait(pump, lambda: editor.activations is not None and editor.idle)
+        monkey, begun, first = Monkey(window, np.random.default_rng(seed)), time.perf_counter(), 0.0
+        for n in range(1, events + 1):
+            monkey.act()
+            pump()
+            if n % max(events // 10, 1) == 0:
+                monkey.rest()
+                wait(pump, lambda: editor.idle)
+                gc.collect()
+                first = memory() if n <= max(events // 5, 1) else first
+                report(
+                    f"{n:6} events  {time.perf_counter() - begun:6.0f} s  {memory():7.1f} MB  "
+                    f"{len(editor.session.entries)} steps  {len(editor.edit.handles)} handles"
+                )
+        growth = memory() / first - 1.0
+        failures += inconsistencies(editor, pump)
+    finally:
+        sys.excepthook = before
+        window._ended = True
+        window.close()
+    return failures, growth
+
+
+class Monkey:
+    """Does one thing after the other without thinking."""
+
+    def __init__(self, window: Any, chance: np.random.Generator) -> None:
+        self._window, self._chance = window, chance
+        self._at = np.array([400.0, 400.0])
+        self._button = ""
+        self._commands = [
+            item
+            for action, item in window._actions
+            if not action.dialog and action.title not in _ASIDE
+        ]
+
+    def act(self) -> None:
+        """One event."""
+        chance = self._chance
+        kind = chance.choice(["move", "button", "wheel", "command", "panel", "escape"],
+                             p=[0.66, 0.2, 0.03, 0.07, 0.03, 0.01])  # fmt: skip
+        if kind == "move":
+            width, height = self._window.editor.size
+            jump = chance.random() < 0.1
+            step = chance.uniform(0, [width, height]) - self._at if jump else chance.normal(0, 9, 2)
+            self._at = np.clip(self._at + step, 0, [width - 1, height - 1])
+            self._send("MouseMoveEvent")
+        elif kind == "button" and self._button:
+            self.rest()
+        elif kind == "button":
+            # Half of the presses of the left button are aimed at the body.
+            self._button = str(chance.choice(["Left", "Middle", "Right"], p=[0.8, 0.1, 0.1]))
+            if chance.random() < 0.5:
+                editor = self._window.editor
+                place = editor.vertices[chance.integers(len(editor.vertices))]
+                pixel = editor.camera.project([place], editor.size)[0]
+                self._at = np.clip(pixel, 0, np.subtract(editor.size, 1))
+            self._send("MouseMoveEvent")
+            self._send(f"{self._button}ButtonPressEvent")
+        elif kind == "wheel":
+            self._send(f"MouseWheel{chance.choice(['Forward', 'Backward'])}Event")
+        elif kind == "command":
+            self._commands[chance.integers(len(self._commands))].trigger()
+        elif kind == "panel":
+            self._slide()
+        else:
+            self._window._escape()
+
+    def rest(self) -> None:
+        """Let go of the button."""
+        if self._button:
+            self._send(f"{self._button}ButtonReleaseEvent")
+            self._button = ""
+
+    def _slide(self) -> None:
+        window, chance = self._window, self._chance
+        sliders = [slider for slider, _ in window._components._rows.values()]
+        sliders += [window._model._dial]
+        slider = sliders[chance.integers(len(sliders))]
+        slider.setValue(int(chance.integers(slider.maximum() + 1)))
+
+    def _send(self, name: str) -> None:
+        view, chance = self._window.editor.view, self._chance
+        interactor = view.plotter.iren.interactor
+        x, y = (int(view.density * side) for side in self._at)
+        height = view.plotter.render_window.GetSize()[1]
+        shift, control = chance.random(2) < 0.1
+        interactor.SetEventInformation(x, height - 1 - y, bool(control), bool(shift))
+        interactor.InvokeEvent(name)
+
+
+def inconsistencies(editor: Any, pump: Callable[[], None]) -> list[str]:
+    """Where the session is not what it should be."""
+    from deformer_app.posing import replay
+    from deformer_app.session import Session
+
+    found = []
+    diagonal = editor.model.reference.bounding_diagonal
+    final, entries = editor.vertices.copy(), list(editor.session.entries)
+    if not np.isfinite(final).all():
+        found.append("vertices are not finite")
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "session.json"
+        editor.save_session(file)
+        loaded = Session.load(file)
+    if loaded.entries != editor.session.entries:
+        found.append("the session is another one after saving and loading")
+    off = np.abs(replay(loaded, editor.model).vertices - final).max() / diagonal
+    if off > 1e-6:
+        found.append(f"replayed, the pose is off by {off:.1e} of the diagonal")
+    cursor = editor.session.cursor
+    for _ in range(cursor):
+        editor.undo()
+    wait(pump, lambda: editor.idle)
+    start = editor.model.decode(np.array(entries[0].edit.base))
+    off = np.abs(editor.vertices - start).max() / diagonal
+    if off > 1e-5:
+        found.append(f"undone, the start is off by {off:.1e} of the diagonal")
+    for _ in range(cursor):
+        editor.redo()
+    wait(pump, lambda: editor.idle)
+    off = np.abs(editor.vertices - final).max() / diagonal
+    if off > 1e-6:
+        found.append(f"redone, the pose is off by {off:.1e} of the diagonal")
+    return found
+
+
+def wait(pump: Callable[[], None], condition: Callable[[], bool], seconds: float = 300.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            raise TimeoutError("the viewer never came to rest")
+        pump()
+
+
+def memory() -> float:
+    """Resident memory of this process in MB."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+if __name__ == "__main__":
+    main()
