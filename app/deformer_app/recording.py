@@ -41,8 +41,10 @@ class Recorder:
     def _take(self) -> None:
         now = time.perf_counter()
         soon = bool(self._times) and now - self._times[-1] < 1.0 / FPS
-        if soon or len(self._frames) >= _LONGEST:
-            return
+        if not soon and len(self._frames) < _LONGEST:
+            self._keep(now)
+
+    def _keep(self, now: float) -> None:
         packed = BytesIO()
         Image.fromarray(self._editor.view.grab()).save(packed, "JPEG", quality=95)
         self._frames.append(packed.getvalue())
@@ -53,6 +55,8 @@ class Recorder:
         self._editor.on_frame = None
         if not self._frames:
             return []
+        # What came too soon to be kept may have been the last.
+        self._keep(time.perf_counter())
         gaps = np.minimum(np.diff(self._times), 0.5)
         at = np.concatenate([[0.0], np.cumsum(gaps)])
         steady = np.arange(0.0, at[-1] + 1.0 / FPS, 1.0 / FPS)
