@@ -16,11 +16,12 @@ import pytest
 import deformer
 from bars import bending_bar
 from deformer import InputError, MeshSequence
+from deformer.autoencoder import PRESETS
 from deformer.baselines import METHODS
 from deformer.evaluation import FAILURE, Setting, Source, Split, Study, evaluate, make_plan
 from deformer.evaluation import plan as plan_module
 from deformer.evaluation.material import prepare
-from deformer.evaluation.presets import paper_sources, paper_studies
+from deformer.evaluation.presets import QUICK, paper_sources, paper_studies
 from deformer.evaluation.protocols import by_rotation, largest_rotations, sparse_control
 from deformer.evaluation.rows import COLUMNS, Journal
 from deformer.evaluation.splits import limited, random_split, sequence_split
