@@ -80,14 +80,8 @@ class ReferenceSolver:
         self.model, self.rigid, self.noise, self.relaxation = model, rigid, noise, relaxation
         v, c = model.reference.vertices, sparse.coo_array(model.poisson.weights)
         self._centroid, self._diagonal = v.mean(axis=0), model.reference.bounding_diagonal
-        i, j = c.coords
-        # (E_x)_ij = c_ij (v_i − v_j)_x, for x in 0, 1, 2, and row sums on a diagonal.
-        data = (c.data[:, None] * (v[i] - v[j])).T
-        edges = [sparse.coo_array((row, (i, j)), c.shape) for row in data]
-        # b_i = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j) is Σ_x B_x T_x with T_x (V, 3) column x of T,
-        self._divergence = [sparse.csr_array(_row_sums(E) + E) / 2 for E in edges]
-        # and Σ_j c_ij (p_i − p_j)(v_i − v_j)_x is row i of C_x p.
-        self._covariance = [sparse.csr_array(_row_sums(E) - E) for E in edges]
+        self._edge_weights = c
+        self._divergence, _ = self._operators(v)
         self._laplacian = sparse.csc_array(_row_sums(c) - c)
         # Vertex 0 is held: what L leaves open is a translation.
         self._factor = splu(self._laplacian[1:, 1:])
@@ -190,9 +184,23 @@ class ReferenceSolver:
         S = q[..., [3, 4, 5, 4, 6, 7, 5, 7, 8]].unflatten(-1, (3, 3))
         return _exp(q[..., :3]) @ S
 
+    def _operators(self, v: Array) -> tuple[list[sparse.csr_array], list[sparse.csr_array]]:
+        """Matrices (V, V) B_x and C_x, x in 0, 1, 2, of the edges of a shape v (V, 3).
+
+        b_i = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j) is Σ_x B_x T_x with T_x (V, 3) column x of T, and
+        Σ_j c_ij (p_i − p_j)(v_i − v_j)_x is row i of C_x p.
+        """
+        c = self._edge_weights
+        i, j = c.coords
+        data = (c.data[:, None] * (v[i] - v[j])).T
+        edges = [sparse.coo_array((row, (i, j)), c.shape) for row in data]
+        sums = [_row_sums(E) for E in edges]
+        divergence = [sparse.csr_array(S + E) / 2 for S, E in zip(sums, edges, strict=True)]
+        return divergence, [sparse.csr_array(S - E) for S, E in zip(sums, edges, strict=True)]
+
     def _rhs(self, T: Array) -> Array:
         """Right-hand side b (V, 3) of gradients (V, 3, 3)."""
-        return np.sum([B @ T[:, :, x] for x, B in enumerate(self._divergence)], axis=0)
+        return _times(self._divergence, T)
 
     def _free_solution(self, b: Array) -> Array:
         """Solution (V, m) of L p = b with mean 0, for b (V, m) that sum to 0."""
@@ -304,49 +312,55 @@ class ReferenceSolver:
         From R = I the last step is a global one. A call that goes on begins with a global step and
         the rotations at hand, and leaves those of a last local step for the next.
         """
+        divergence, covariance = self._operators(self._free_solution(self._rhs(T)))
         if self._R is None:
             R = np.tile(np.eye(3), (len(T), 1, 1))
-            p = self._global(R @ T, targets)
+            p = self._global(_times(divergence, R), targets)
             for _ in range(rounds):
-                R = self._local(T, p, R)
-                p = self._global(R @ T, targets)
+                R = self._local(covariance, p, R)
+                p = self._global(_times(divergence, R), targets)
         else:
             R = self._R
-            p = self._global(R @ T, targets)
+            p = self._global(_times(divergence, R), targets)
             if rounds:
-                R = self._local(T, p, R)
+                R = self._local(covariance, p, R)
         self._R = R
         return p
 
-    def _local(self, T: Array, p: Array, R: Array) -> Array:
-        """Rotations (V, 3, 3): from R past argmax tr(R_iᵀ A_i), A_i = Σ_j c_ij p_ij v_ijᵀ T_iᵀ.
+    def _local(self, covariance: list[sparse.csr_array], p: Array, R: Array) -> Array:
+        """Rotations (V, 3, 3): from R past argmax tr(R_iᵀ A_i), A_i = Σ_j c_ij p_ij x_ijᵀ.
 
         The step D from R to the optimum is over-relaxed: half-angle tangents grow by _FURTHER.
         """
-        A = np.stack([C @ p for C in self._covariance], axis=2) @ T.transpose(0, 2, 1)
+        A = np.stack([C @ p for C in covariance], axis=2)
         U, _, Vt = np.linalg.svd(A)
         U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
         step = Rotation.from_matrix(U @ Vt @ R.transpose(0, 2, 1)).as_quat(canonical=True)
         step[:, :3] *= _FURTHER
         return Rotation.from_quat(step).as_matrix() @ R
 
-    def _global(self, turned: Array, targets: Array) -> Array:
-        """Positions (V, 3) of gradients R_i T_i (V, 3, 3) with the hard handles at the targets.
+    def _global(self, b: Array, targets: Array) -> Array:
+        """Positions (V, 3) of a right-hand side b (V, 3) with the hard handles at the targets.
 
-        The rows of L p = b(R T) of the other vertices, with what is known on the right: the same
+        The rows of L p = b of the other vertices, with what is known on the right: the same
         minimiser as the Schur complement's with free translation.
         """
-        p = np.zeros((len(turned), 3))
+        p = np.zeros_like(b)
         p[self._exact] = targets
         if self._rest_factor is not None:
-            b = self._rhs(turned) - self._laplacian @ p
-            p[self._rest] = self._rest_factor.solve(b[self._rest])
+            left = b - self._laplacian @ p
+            p[self._rest] = self._rest_factor.solve(left[self._rest])
         return p
 
 
 def _row_sums(matrix: sparse.coo_array) -> sparse.dia_array:
     """Diagonal matrix of a matrix's row sums."""
     return sparse.diags_array(np.asarray(matrix.sum(axis=1)).ravel())
+
+
+def _times(divergence: list[sparse.csr_array], T: Array) -> Array:
+    """Σ_x B_x T_x (V, 3) of gradients or rotations T (V, 3, 3)."""
+    return np.sum([B @ T[:, :, x] for x, B in enumerate(divergence)], axis=0)
 
 
 def _exp(r: Tensor) -> Tensor:

@@ -347,7 +347,6 @@ class HandleSolver:
             self.basis.hold(exact)
             if len(exact) == 0:
                 self._surface.reset()
-                self._decoded = None
         self._objective = replace(self._objective, targets=self._targets, weights=weights)
 
     def _take_vertices(self, vertices: list[int]) -> None:

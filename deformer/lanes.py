@@ -49,8 +49,8 @@ def tanh_(x):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def gradients(q, turn, at, T):
-    """T (144,) = rotations turn[at:at + 64] times exp(r) S of features q (144,).
+def gradients(q, T):
+    """T (144,) = exp(r) S of features q (144,).
 
     The rotation vector is brought within half a turn, then becomes a quaternion.
     """
@@ -63,12 +63,7 @@ def gradients(q, turn, at, T):
         s = _1 + u * (_S1 + u * (_S2 + u * (_S3 + u * (_S4 + u * (_S5 + u * _S6)))))
         w = _1 + u * (_C1 + u * (_C2 + u * (_C3 + u * (_C4 + u * (_C5 + u * (_C6 + u * _C7))))))
         s *= half / angle
-        ex, ey, ez = s * rx, s * ry, s * rz
-        gw, gx, gy, gz = turn[at + n], turn[at + 16 + n], turn[at + 32 + n], turn[at + 48 + n]
-        a = gw * w - gx * ex - gy * ey - gz * ez
-        b = gw * ex + gx * w + gy * ez - gz * ey
-        c = gw * ey - gx * ez + gy * w + gz * ex
-        d = gw * ez + gx * ey - gy * ex + gz * w
+        a, b, c, d = w, s * rx, s * ry, s * rz
         R00, R11 = _1 - _2 * (c * c + d * d), _1 - _2 * (b * b + d * d)
         R22 = _1 - _2 * (b * b + c * c)
         R01, R10 = _2 * (b * c - a * d), _2 * (b * c + a * d)
@@ -98,19 +93,17 @@ def arms_by_block(start, stop, order, arm, scale, out):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def emit(start, stop, q, frame, sums):
-    """Turned gradients T (9 a vertex) of blocks with features q (·, 144).
+def emit(start, stop, q, arms, T, sums):
+    """Gradients T (9 a vertex) of blocks with features q (·, 144).
 
-    To sums (48 H,), lane by lane, go the products T_i a_h,i with the arms of H handles, before the
-    turning. A frame is (still, turn, arms, T), still being the rotation that is none.
+    To sums (48 H,), lane by lane, go the products T_i a_h,i with the arms of H handles.
     """
-    still, turn, arms, T = frame
     t = np.empty(144, dtype=np.float32)
     H = len(sums) // 48
     # There may be room for more handles than there are.
-    stride = len(arms) // (len(turn) // 64)
+    stride = len(arms) // (len(T) // 144)
     for B in range(start, stop):
-        gradients(q[B - start], still, 0, t)
+        gradients(q[B - start], t)
         for h in range(H):
             o, g = B * stride + 48 * h, 48 * h
             for n in range(16):
@@ -118,7 +111,6 @@ def emit(start, stop, q, frame, sums):
                 sums[g + n] += t[n] * x + t[16 + n] * y + t[32 + n] * z
                 sums[g + 16 + n] += t[48 + n] * x + t[64 + n] * y + t[80 + n] * z
                 sums[g + 32 + n] += t[96 + n] * x + t[112 + n] * y + t[128 + n] * z
-        gradients(q[B - start], turn, 64 * B, t)
         for n in range(16):
             o = 144 * B + 9 * n
             T[o], T[o + 1], T[o + 2] = t[n], t[16 + n], t[32 + n]
@@ -147,13 +139,13 @@ def decode(start, stop, layer, q):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def decode_and_emit(start, stop, layer, frame, sums):
+def decode_and_emit(start, stop, layer, arms, T, sums):
     """Features by `_decode`, then `emit`, a few blocks at once: features stay in the cache."""
     q = np.empty((32, 144), dtype=np.float32)
     for B in range(start, stop, len(q)):
         end = min(B + len(q), stop)
         decode(B, end, layer, q)
-        emit(B, end, q, frame, sums)
+        emit(B, end, q, arms, T, sums)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
@@ -169,6 +161,27 @@ def rhs(start, stop, indptr, rings, arms, own, T, b):
             bx += T[o] * x + T[o + 1] * y + T[o + 2] * z
             by += T[o + 3] * x + T[o + 4] * y + T[o + 5] * z
             bz += T[o + 6] * x + T[o + 7] * y + T[o + 8] * z
+        b[3 * i] = bx
+        b[3 * i + 1] = by
+        b[3 * i + 2] = bz
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def turned_rhs(start, stop, indptr, rings, halves, rest, R, b):
+    """b_i = Σ_j ½ c_ij (R_i + R_j)(x_i − x_j) with halves ½ c_ij and the positions x at rest."""
+    for i in range(start, stop):
+        o = 9 * i
+        a00, a01, a02 = R[o], R[o + 1], R[o + 2]
+        a10, a11, a12 = R[o + 3], R[o + 4], R[o + 5]
+        a20, a21, a22 = R[o + 6], R[o + 7], R[o + 8]
+        px, py, pz = rest[3 * i], rest[3 * i + 1], rest[3 * i + 2]
+        bx = by = bz = _0
+        for k in range(indptr[i], indptr[i + 1]):
+            j, o, w = 3 * rings[k], 9 * rings[k], halves[k]
+            x, y, z = w * (px - rest[j]), w * (py - rest[j + 1]), w * (pz - rest[j + 2])
+            bx += (a00 + R[o]) * x + (a01 + R[o + 1]) * y + (a02 + R[o + 2]) * z
+            by += (a10 + R[o + 3]) * x + (a11 + R[o + 4]) * y + (a12 + R[o + 5]) * z
+            bz += (a20 + R[o + 6]) * x + (a21 + R[o + 7]) * y + (a22 + R[o + 8]) * z
         b[3 * i] = bx
         b[3 * i + 1] = by
         b[3 * i + 2] = bz
@@ -268,40 +281,27 @@ def _times_transposed(B, T, A):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _times(A, T, B):
-    """B = A T, all (144,)."""
-    for r in range(0, 144, 48):
-        for n in range(16):
-            x, y, z = A[r + n], A[r + 16 + n], A[r + 32 + n]
-            B[r + n] = x * T[n] + y * T[48 + n] + z * T[96 + n]
-            B[r + 16 + n] = x * T[16 + n] + y * T[64 + n] + z * T[112 + n]
-            B[r + 32 + n] = x * T[32 + n] + y * T[80 + n] + z * T[128 + n]
+def local(start, stop, indptr, rings, halves, rest, p, R, turn, steps):
+    """Local step of blocks: rotations R, and their quaternions, turned to fit the edges of p.
 
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def local(start, stop, indptr, rings, arms, p, T, turn, steps):
-    """Local step of blocks: gradients T, and their rotations, turned to fit the edges of p.
-
-    By the rotation D = argmax tr(Dᵀ A), A_i = Σ_j c_ij (p_i − p_j) (T_i (v_i − v_j))ᵀ.
+    By the rotation D = argmax tr(Dᵀ A), A_i = Σ_j c_ij (p_i − p_j) (R_i (x_i − x_j))ᵀ.
     """
     A, D = np.empty(144, dtype=np.float32), np.empty(64, dtype=np.float32)
     q = np.empty(64, dtype=np.float32)
-    B, t = np.zeros(144, dtype=np.float32), np.empty(144, dtype=np.float32)
+    B, r = np.zeros(144, dtype=np.float32), np.empty(144, dtype=np.float32)
     count = len(p) // 3
     for block in range(start, stop):
         for n in range(16):
             i = 16 * block + n
-            o = 9 * i
-            for c in range(9):
-                t[16 * c + n] = T[o + c]
             if i >= count:
                 continue
             b00 = b01 = b02 = b10 = b11 = b12 = b20 = b21 = b22 = _0
             px, py, pz = p[3 * i], p[3 * i + 1], p[3 * i + 2]
+            rx, ry, rz = rest[3 * i], rest[3 * i + 1], rest[3 * i + 2]
             for k in range(indptr[i], indptr[i + 1]):
-                j, o = 3 * rings[k], 3 * k
+                j, w = 3 * rings[k], halves[k]
                 ex, ey, ez = px - p[j], py - p[j + 1], pz - p[j + 2]
-                ax, ay, az = arms[o], arms[o + 1], arms[o + 2]
+                ax, ay, az = w * (rx - rest[j]), w * (ry - rest[j + 1]), w * (rz - rest[j + 2])
                 b00 += ex * ax
                 b01 += ex * ay
                 b02 += ex * az
@@ -314,20 +314,20 @@ def local(start, stop, indptr, rings, arms, p, T, turn, steps):
             B[n], B[16 + n], B[32 + n] = b00, b01, b02
             B[48 + n], B[64 + n], B[80 + n] = b10, b11, b12
             B[96 + n], B[112 + n], B[128 + n] = b20, b21, b22
-        _times_transposed(B, t, A)
+        q[:] = turn[64 * block : 64 * block + 64]
+        _matrices(q, r)
+        _times_transposed(B, r, A)
         D[:] = _0
         D[:16] = _1
         for _ in range(steps):
             fit_step(A, D)
-        q[:] = turn[64 * block : 64 * block + 64]
         _follow(D, q)
         turn[64 * block : 64 * block + 64] = q
-        _matrices(D, A)
-        _times(A, t, B)
+        _matrices(q, r)
         for n in range(16):
             o = 144 * block + 9 * n
             for c in range(9):
-                T[o + c] = B[16 * c + n]
+                R[o + c] = r[16 * c + n]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)

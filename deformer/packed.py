@@ -97,19 +97,16 @@ def _move(t, arms, sums):
 def _positions(layer, arms, sums):
     """sums (48 H,) = Σ T a over blocks, lane by lane, with arms (blocks, 48 H)."""
     q, t = np.empty((1, 144), dtype=np.float32), np.empty(144, dtype=np.float32)
-    still = np.zeros(64, dtype=np.float32)
-    still[:16] = 1
     for B in range(len(arms)):
         decode(B, B + 1, layer, q)
-        gradients(q[0], still, 0, t)
+        gradients(q[0], t)
         _move(t, arms[B], sums)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _derivative(start, stop, layer, columns, out):
     """out[k] += ∂/∂z_k of the positions (3, H) by blocks of vertices, with arms (blocks, 48, H)."""
-    q, still = np.empty((1, 144), dtype=np.float32), np.zeros(64, dtype=np.float32)
-    still[:16] = 1
+    q = np.empty((1, 144), dtype=np.float32)
     T, R = np.empty(144, dtype=np.float32), np.empty(144, dtype=np.float32)
     slope, C = np.empty(144, dtype=np.float32), np.empty(432, dtype=np.float32)
     tangents = np.empty((len(out), 144), dtype=np.float32)
@@ -120,10 +117,10 @@ def _derivative(start, stop, layer, columns, out):
         for n in range(144):
             x = (features[n] - offset[n]) / gain[n]
             slope[n] = gain[n] * (_1 - x * x)
-        gradients(features, still, 0, T)
+        gradients(features, T)
         features[48:] = 0
         features[48:64], features[96:112], features[128:] = 1, 1, 1
-        gradients(features, still, 0, R)
+        gradients(features, R)
         _turning(features, R, T, slope, C)
         first = slices[B]
         count = slices[B + 1] - first

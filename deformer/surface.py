@@ -15,7 +15,17 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from deformer.decoder import Decoder
-from deformer.lanes import LANES, arms_by_block, decode_and_emit, emit, local, move, place, rhs
+from deformer.lanes import (
+    LANES,
+    arms_by_block,
+    decode_and_emit,
+    emit,
+    local,
+    move,
+    place,
+    rhs,
+    turned_rhs,
+)
 from deformer.mesh import FloatArray, IntArray
 from deformer.parallel import CORES, begin, finish, over_ranges, ranges, together
 from deformer.poisson import PoissonSystem
@@ -38,22 +48,25 @@ def schur_inverse(block: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.pinv(system, rcond=1e-13), dtype=np.float64)
 
 
-def _ordered_mesh(system: PoissonSystem) -> tuple[IntArray, NDArray, NDArray]:
-    """Rows and one-rings in the order of elimination, and ½ c_ij (v_i − v_j) of every edge."""
+def _ordered_mesh(system: PoissonSystem) -> tuple[IntArray, NDArray, NDArray, NDArray]:
+    """Rows and one-rings in the order of elimination, ½ c_ij of every edge, and that times it."""
     order = system.factor.order
     weights = sparse.csr_array(system.weights[order][:, order])
     weights.sort_indices()
     v = system.reference.vertices[order] / system.reference.bounding_diagonal
     rows = np.repeat(np.arange(len(v)), np.diff(weights.indptr))
-    arms = 0.5 * weights.data[:, None] * (v[rows] - v[weights.indices])
-    return weights.indptr.astype(np.int64), weights.indices.astype(np.int32), arms
+    halves = 0.5 * weights.data
+    arms = halves[:, None] * (v[rows] - v[weights.indices])
+    return weights.indptr.astype(np.int64), weights.indices.astype(np.int32), halves, arms
 
 
 class Surface:
-    """All vertices of a model: decoded, turned, solved for, and moved onto exact handles.
+    """All vertices of a model: decoded, solved for, and moved onto exact handles rigidly.
 
-    The turned gradients T are those of the latent code, each followed by a rotation that a rigid
-    relaxation has found for its vertex; the rotations are kept from frame to frame.
+    What the gradients T of a latent code rebuild is the shape x at rest. Exact handles deform it
+    as rigidly as possible (Sorkine & Alexa 2007): with a rotation R_i for every vertex, which
+    a relaxation finds and which is kept from frame to frame, p minimises
+    Σ_ij c_ij ‖(p_i − p_j) − ½ (R_i + R_j)(x_i − x_j)‖².
 
     Args:
         decoder: of all vertices.
@@ -73,7 +86,8 @@ class Surface:
         )
         # Bounding diagonals are the unit of length: single precision has its range, too.
         self._unit = system.reference.bounding_diagonal
-        self._indptr, self._rings, arms = _ordered_mesh(system)
+        self._indptr, self._rings, halves, arms = _ordered_mesh(system)
+        self._halves = halves.astype(np.float32)
         rows = np.repeat(np.arange(V), np.diff(self._indptr))
         own = [np.bincount(rows, arms[:, d], V) for d in range(3)]
         self._own = np.column_stack(own).astype(np.float32).ravel()
@@ -81,8 +95,9 @@ class Surface:
         self._pack(decoder)
         self._T = np.zeros(9 * len(self._padded), dtype=np.float32)
         self._x = np.zeros((V, 3), dtype=np.float32)
-        self._still = np.repeat(np.array([1, 0, 0, 0], dtype=np.float32), LANES)
-        self._turn = np.tile(self._still, self._blocks)
+        self._rest = np.zeros((V, 3), dtype=np.float32)
+        self._rested = False
+        self._unturned()
         self._relaxing: list[Future[None]] = []
         self._handles: IntArray = np.empty(0, dtype=np.int64)
         self._arms = np.empty((self._blocks, 0, 3 * LANES), dtype=np.float32)
@@ -93,8 +108,8 @@ class Surface:
     def twin(self) -> Surface:
         """A surface of the same model and handles with gradients and positions of its own."""
         other = copy.copy(self)
-        other._T, other._x = self._T.copy(), self._x.copy()
-        other._turn = np.tile(self._still, self._blocks)
+        other._T, other._x, other._rest = self._T.copy(), self._x.copy(), self._rest.copy()
+        other._unturned()
         other._relaxing = []
         other._exact, other._green = self._exact[:0], self._green[:0]
         return other
@@ -160,38 +175,58 @@ class Surface:
     def reset(self) -> None:
         """Forget the rotations."""
         self._wait()
-        self._turn = np.tile(self._still, self._blocks)
+        self._unturned()
+
+    def _unturned(self) -> None:
+        """Rotations that are none: quaternions by blocks, and their matrices."""
+        self._turned = False
+        still = np.repeat(np.array([1, 0, 0, 0], dtype=np.float32), LANES)
+        self._turn = np.tile(still, self._blocks)
+        self._R = np.tile(np.eye(3, dtype=np.float32).ravel(), len(self._padded))
 
     def decode(self, z: FloatArray) -> FloatArray:
-        """Turned gradients of a latent code (K,); handle positions (H, 3) without the turning.
+        """Gradients of a latent code (K,); handle positions (H, 3) of its shape at rest.
 
         The positions are those of the free reconstruction, relative to its centroid.
         """
-        self._wait()
+        self._rested = False
         pieces = ranges(self._blocks, _SHARE)
         sums = np.zeros((len(pieces), 48 * len(self._handles)))
-        frame = self._still, self._turn, self._arms.ravel(), self._T
+        frame = self._arms.ravel(), self._T
         if self._decoder.pointwise:
             code = z.astype(np.float32)
             layer = self._slices, self._components, self._scale, self._matrix
             layer = *layer, code, self._base, self._gain, self._offset
-            calls = [(*p, layer, frame, s) for p, s in zip(pieces, sums, strict=True)]
+            calls = [(*p, layer, *frame, s) for p, s in zip(pieces, sums, strict=True)]
             together(decode_and_emit, calls)
         else:
             q = self._decoder.single_features(z)[self._padded].astype(np.float32)
             q = np.ascontiguousarray(q.reshape(-1, LANES, 9).transpose(0, 2, 1)).reshape(-1, 144)
-            calls = [(a, b, q[a:b], frame, s) for (a, b), s in zip(pieces, sums, strict=True)]
+            calls = [(a, b, q[a:b], *frame, s) for (a, b), s in zip(pieces, sums, strict=True)]
             together(emit, calls)
         return self._unit * sums.sum(axis=0).reshape(-1, 3, LANES).sum(axis=2)
 
     def sum_edges(self) -> None:
-        """Let the positions hold the right-hand side of the turned gradients."""
+        """Let the positions hold the right-hand side: of the gradients, or of the shape turned."""
         self._wait()
-        mesh = self._indptr, self._rings, self._mesh_arms, self._own
-        over_ranges(rhs, len(self._x), *mesh, self._T, self._x.ravel())
+        mesh, b = (self._indptr, self._rings), self._x.ravel()
+        if self._rested:
+            over_ranges(turned_rhs, len(b) // 3, *mesh, self._halves, self._rest.ravel(), self._R, b)
+        else:
+            over_ranges(rhs, len(b) // 3, *mesh, self._mesh_arms, self._own, self._T, b)
 
     def solve(self) -> None:
-        """Positions from the turned gradients, up to a translation."""
+        """Positions from the gradients and rotations, up to a translation."""
+        if not self._rested:
+            self._solve_sums()
+            self._rest, self._x = self._x, self._rest
+            self._rested = True
+        if self._turned:
+            self._solve_sums()
+        else:
+            self._x[:] = self._rest
+
+    def _solve_sums(self) -> None:
         self.sum_edges()
         self._factor.solve_in_order(self._x)
 
@@ -219,12 +254,14 @@ class Surface:
         return out
 
     def relax(self, steps: int) -> None:
-        """Local step: turn the gradients so that they fit the positions.
+        """Local step: turn the shape at rest, vertex by vertex, so that it fits the positions.
 
         It goes on after the call returns; whatever needs it waits.
         """
-        mesh = self._indptr, self._rings, self._mesh_arms
-        rest = *mesh, self._x.ravel(), self._T, self._turn, steps
+        mesh = self._indptr, self._rings, self._halves
+        shapes = self._rest.ravel(), self._x.ravel()
+        rest = *mesh, *shapes, self._R, self._turn, steps
+        self._turned = True
         # One core is left to the caller.
         share = max(_SHARE, -(-self._blocks // max(1, CORES - 1)))
         self._relaxing = begin(local, [(*piece, *rest) for piece in ranges(self._blocks, share)])
@@ -237,8 +274,9 @@ class Surface:
     def bytes_of_a_frame(self) -> int:
         """Bytes that one frame cannot do without: matrix, arms, mesh, factor, result."""
         arrays = [self._arms[:, : len(self._handles)], self._green[: len(self._exact)]]
-        arrays += [self._rings, self._mesh_arms, self._own]
-        arrays += [self._T, self._turn]
+        arrays += [self._rings, self._mesh_arms, self._own, self._T]
+        if len(self._exact):
+            arrays += [self._rings, self._halves, self._rest, self._R, self._turn]
         if self._decoder.pointwise:
             arrays += [self._matrix, self._scale]
         out = 8 * 3 * len(self._x)

@@ -49,8 +49,9 @@ class TorchFrames:
         system = model.poisson
         rows = np.repeat(np.arange(V), np.diff(system.indptr))
         v = model.reference.vertices / self._unit
-        edges = 0.5 * system.c[:, None] * (v[rows] - v[system.rings])
-        self._edges = self._tensor(edges)
+        halves = 0.5 * system.c[:, None]
+        self._halves = self._tensor(halves)
+        self._edges = self._tensor(halves * (v[rows] - v[system.rings]))
         self._from = torch.as_tensor(rows, device=self._device)
         self._to = torch.as_tensor(system.rings, device=self._device)
         self._factor = _Factor(system.factor, self._device)
@@ -116,43 +117,37 @@ class TorchFrames:
             for part in self._batches(len(frames), V):
                 f = frames[part]
                 back = (goals[f][:, which] - origin[f][:, None]) @ Q[f] / self._unit
-                targets = self._tensor(back)
-                T = _gradients(self._all(self._tensor(z[f])))
-                p = self._solved(T, index, rows, inverse, targets)
+                ends = index, rows, inverse, self._tensor(back)
+                rest = self._solved(_gradients(self._all(self._tensor(z[f]))), self._edges)
+                p = _met(rest, *ends)
+                edges = self._halves * (rest[:, self._from] - rest[:, self._to])
+                R = torch.eye(3, device=p.device).expand(*p.shape[:2], 3, 3)
                 for n in range(rounds if which.any() else 0):
-                    T = self._turned(T, p, TURNS if n else FIRST_TURNS)
-                    p = self._solved(T, index, rows, inverse, targets)
+                    R = self._turned(R, edges, p, TURNS if n else FIRST_TURNS)
+                    p = _met(self._solved(R, edges), *ends)
                 moved = p @ self._tensor(self._unit * Q[f]).transpose(1, 2)
                 out[f] = _numpy(moved) + origin[f][:, None]
                 out[np.ix_(f, exact)] = goals[f][:, which]
 
-    def _solved(
-        self, T: Tensor, index: Tensor, green: Tensor, inverse: Tensor, targets: Tensor
-    ) -> Tensor:
-        """Positions (m, V, 3) of gradients, the exact handles at their targets."""
+    def _solved(self, T: Tensor, edges: Tensor) -> Tensor:
+        """Positions (m, V, 3) of L p = Σ_j (T_i + T_j) e_ij, up to a translation."""
         b = torch.zeros(T.shape[:3], device=T.device)
-        sums = ((T[:, self._from] + T[:, self._to]) @ self._edges[:, :, None])[..., 0]
-        b.index_add_(1, self._from, sums)
-        p = self._factor.solve(b)
-        if len(index) == 0:
-            return p - p.mean(dim=1, keepdim=True)
-        misfit = torch.nn.functional.pad(targets - p[:, index], (0, 0, 0, 1))
-        change = inverse @ misfit
-        return p + green.T @ change[:, :-1] + change[:, -1:]
+        sums = ((T[:, self._from] + T[:, self._to]) @ edges[..., None])[..., 0]
+        return self._factor.solve(b.index_add_(1, self._from, sums))
 
-    def _turned(self, T: Tensor, p: Tensor, steps: int) -> Tensor:
-        """Gradients turned to fit the edges of p: `lanes.local` for all frames."""
-        edges = p[:, self._from] - p[:, self._to]
-        B = torch.zeros_like(T)
-        B.index_add_(1, self._from, edges[..., :, None] * self._edges[:, None, :])
-        A = B @ T.transpose(2, 3)
-        D = torch.zeros((*T.shape[:2], 4), device=T.device)
+    def _turned(self, R: Tensor, edges: Tensor, p: Tensor, steps: int) -> Tensor:
+        """Rotations turned to fit the edges of p: `lanes.local` for all frames."""
+        new = p[:, self._from] - p[:, self._to]
+        B = torch.zeros(R.shape, device=R.device)
+        B.index_add_(1, self._from, new[..., :, None] * edges[..., None, :])
+        A = B @ R.transpose(2, 3)
+        D = torch.zeros((*R.shape[:2], 4), device=R.device)
         D[..., 0] = 1.0
         for _ in range(steps):
             half = _rotation_step(A @ _matrices(D).transpose(2, 3))
             D = torch.nn.functional.normalize(_product(half, D), dim=-1)
         D = D * torch.tensor([1.0, FURTHER, FURTHER, FURTHER], device=D.device)
-        return _matrices(torch.nn.functional.normalize(D, dim=-1)) @ T
+        return _matrices(torch.nn.functional.normalize(D, dim=-1)) @ R
 
 
 class _Decoder:
@@ -211,6 +206,15 @@ class _Factor:
         for first, last, rows, block in reversed(self._nodes):
             x[first:last] = block.T @ torch.cat([x[first:last], x[rows]])
         return x[self._place].reshape(V, m, 3).permute(1, 0, 2)
+
+
+def _met(p: Tensor, index: Tensor, green: Tensor, inverse: Tensor, targets: Tensor) -> Tensor:
+    """Positions (m, V, 3) moved until exact handles are at their targets: `Surface.meet`."""
+    if len(index) == 0:
+        return p - p.mean(dim=1, keepdim=True)
+    misfit = torch.nn.functional.pad(targets - p[:, index], (0, 0, 0, 1))
+    change = inverse @ misfit
+    return p + green.T @ change[:, :-1] + change[:, -1:]
 
 
 def _numpy(x: Tensor) -> FloatArray:

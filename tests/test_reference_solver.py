@@ -94,14 +94,13 @@ def distance(a, b):
 
 
 def relaxed_energy(model, pose, p):
-    """Σ_i min over R_i of Σ_j c_ij ‖(p_i − p_j) − R_i T_i (v_i − v_j)‖², vertex by vertex."""
-    v, weights = model.reference.vertices, model.poisson.weights
-    T = gradients(model, pose.z)
+    """Σ_i min over R_i of Σ_j c_ij ‖(p_i − p_j) − R_i (x_i − x_j)‖², x the decoded shape."""
+    x, weights = model.decode(pose.z), model.poisson.weights
     total = 0.0
-    for i in range(len(v)):
+    for i in range(len(x)):
         ring = slice(*weights.indptr[i : i + 2])
         j, c = weights.indices[ring], weights.data[ring]
-        fit = Rotation.align_vectors(p[i] - p[j], (v[i] - v[j]) @ T[i].T, weights=c)
+        fit = Rotation.align_vectors(p[i] - p[j], x[i] - x[j], weights=c)
         total += fit[1] ** 2
     return total
 
