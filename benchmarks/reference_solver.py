@@ -49,7 +49,7 @@ class ReferenceSolver:
     bounding diagonals D. With p_h(z) the handle in the decoded shape, relative to its centroid, the
     latent energy is
 
-        Σ_h w_h ‖Q(ω) p_h(z) + centroid + D t − q_h‖² / (σ D)² + ‖y‖² + m(ω, t),
+        Σ_h w_h ‖Q(ω) p_h(z) + centroid + D (o(z) + t) − q_h‖² / (σ D)² + ‖y‖² + m(ω, t),
 
     with m = ‖ω‖²/0.3² + ‖t‖²/1², or, where that is less by the surprise of it, with the deviations
     of the training shapes (`model.placement`).
@@ -176,6 +176,14 @@ class ReferenceSolver:
         """Latent codes z = μ + L y, (n, K), of unknowns (n, K + 6)."""
         return self._mean + x[:, :-6] @ self._root.T
 
+    def _standing(self, z: Tensor) -> Tensor:
+        """Where shapes of codes (n, K) stand, (n, 3), from the reference's centroid."""
+        placement = self.model.placement
+        if placement is None or placement.offset is None:
+            return torch.zeros(3).expand(len(z), 3)
+        offset, gain = torch.tensor(placement.offset), torch.tensor(placement.gain)
+        return self._diagonal * (offset + z @ gain.T)
+
     def _gradients(self, z: Tensor) -> Tensor:
         """Deformation gradients T = exp(r) S, (n, V, 3, 3), of latent codes (n, K)."""
         gain, offset = self.model.scaler.gain, self.model.scaler.offset
@@ -223,6 +231,7 @@ class ReferenceSolver:
         T = self._gradients(self._codes(x))
         p = (T.transpose(1, 2).flatten(2) @ torch.from_numpy(self._arms).T).transpose(1, 2)
         offset = torch.tensor(self._centroid) + self._diagonal * x[:, None, -3:]
+        offset = offset + self._standing(self._codes(x))[:, None]
         moved = p @ _exp(x[:, -6:-3]).transpose(1, 2) + offset
         weights = torch.tensor(np.sqrt(self._weights) / (self.noise * self._diagonal))
         return weights[:, None] * (moved - torch.tensor(self._targets))
@@ -299,6 +308,7 @@ class ReferenceSolver:
         T = self._gradients(self._codes(torch.tensor(x)[None]))[0].numpy()
         Q = _exp(torch.tensor(x[-6:-3])).numpy()
         offset = self._centroid + self._diagonal * x[-3:]
+        offset = offset + self._standing(self._codes(torch.tensor(x)[None]))[0].numpy()
         if len(self._exact) == 0:
             return self._free_solution(self._rhs(T)) @ Q.T + offset
         goals = self._targets[np.isin(self._vertices, self._exact)]

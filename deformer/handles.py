@@ -39,6 +39,8 @@ _REFINEMENTS = 10
 _FRAME_TURNS = 1
 _FIRST_TURNS = 60
 _TURNS = 10
+# A round of relaxation that moves no vertex further, in bounding diagonals, is the last one.
+_RESTING = 2e-5
 
 
 @dataclass(frozen=True)
@@ -106,13 +108,14 @@ class HandleSolver:
         model: the prior.
         rigid: let the whole shape rotate and translate; otherwise it stays where the reference is.
         noise: σ, the distance from handle to target (in bounding diagonals) that weighs as much
-            as one standard deviation of the prior.
+            as one standard deviation of the prior. None is the model's, which recovers unseen
+            shapes best; targets that are less certain than shapes ask for more.
         freedom: how the whole shape may turn and travel. None: as little as the training shapes
             do, or anywhere at a price (`HandleObjective`). A number: anywhere, as a factor on
             standard deviations of 0.3 rad and one bounding diagonal. With 1 a lone handle carries
             the whole shape along; with 0.01 the shape stays about where it is and bends.
-        relaxation: local/global rounds of rigid relaxation for hard handles; 0 is the Schur
-            complement alone.
+        relaxation: at most so many local/global rounds of rigid relaxation for hard handles; 0 is
+            the Schur complement alone.
     """
 
     def __init__(
@@ -120,12 +123,13 @@ class HandleSolver:
         model: DeformationModel,
         *,
         rigid: bool = True,
-        noise: float = 0.007,
+        noise: float | None = None,
         freedom: float | None = None,
-        relaxation: int = 10,
+        relaxation: int = 60,
     ) -> None:
         """Prepare the model's factorisations; handles are set later."""
         self.model = model
+        noise = model.handle_noise if noise is None else noise
         self.relaxation = relaxation
         self.basis = HandleBasis(model)
         self._surface = self.basis.surface
@@ -462,7 +466,9 @@ class HandleSolver:
         vertices = self._solve(state)
         for n in range(self.relaxation if self._hard.any() else 0):
             self._surface.relax(_TURNS if n else _FIRST_TURNS)
-            vertices = self._solve(state)
+            before, vertices = vertices, self._solve(state)
+            if np.abs(vertices - before).max() < _RESTING * self._objective.diagonal:
+                break
         return vertices
 
     def _solve(self, state: _State) -> FloatArray:

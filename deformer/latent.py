@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from deformer.mesh import FloatArray
 
 # What `fit_prior` chooses from.
-_ALPHAS = np.array([0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9])
+_ALPHAS = np.array([0.001, 0.003, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9])
 _BETAS = np.array([1.0, 1.25, 1.5, 2.0])
 _SHARES = (0.0, 0.25, 0.5, 1.0)
 

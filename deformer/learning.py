@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from deformer.autoencoder import ModelConfig, resolve_config
+from deformer.autoencoder import MeshAutoencoder, ModelConfig, resolve_config
+from deformer.calibration import HandleFit, choose_noise
 from deformer.checkpoints import has_checkpoint
 from deformer.decoder import Decoder
 from deformer.denoising import remove_noise
@@ -16,15 +18,21 @@ from deformer.errors import InputError
 from deformer.factoring import factor
 from deformer.features import FeatureExtractor, FeatureScaler, extract_all
 from deformer.geodesics import Geodesics
+from deformer.handles import HandleSolver
 from deformer.latent import fit_prior
-from deformer.mesh import FloatArray, Mesh, MeshSequence
+from deformer.mesh import FloatArray, IntArray, Mesh, MeshSequence
 from deformer.metrics import e_rms
 from deformer.mirroring import images_explain, mirror_images
 from deformer.model import DeformationModel, encode_features
 from deformer.placement import fit_placement
 from deformer.rotations import align
 from deformer.training import fit, resolve_device
-from deformer.training_loop import ProgressCallback, TrainingProgress
+from deformer.training_loop import ProgressCallback, TrainingProgress, TrainingResult
+
+# What the noise of handle fits is chosen from, in bounding diagonals, and the share of the epochs
+# that a training takes which only serves to choose.
+_NOISES = (0.0005, 0.001, 0.002, 0.004, 0.008)
+_TRIAL = 0.3
 
 
 def train(
@@ -100,29 +108,23 @@ def train(
     if settings.mirrored:
         q = _with_images(q, extractor, MeshSequence(chosen, shapes.faces))
     scaler = FeatureScaler.fit(q)
-    x = scaler.scale(q)
+    examples = _Examples(MeshSequence(chosen, base.faces), extractor, scaler, scaler.scale(q))
     del q
-    geodesics = Geodesics(base)
-    carried: dict[str, Any] = {
-        "checkpoint": Path(checkpoint) if checkpoint is not None else None,
-        "resume": resume,
-        "on_progress": on_progress,
-    }
-    mesh = extractor.indptr, extractor.rings, geodesics
-    if settings.method == "factorisation":
-        result = factor(x, scaler, *mesh, settings, **carried)
-    else:
-        result = fit(x, *mesh, settings, seed=seed, device=device, **carried)
-    result.network.prune(settings.pruning)
-    decoder = Decoder(result.network, scaler, extractor.indptr, extractor.rings)
-    codes = encode_features(settings, result.network, scaler, decoder, scaler.unscale(x))
+    result = examples.learn(
+        settings,
+        seed=seed,
+        device=device,
+        checkpoint=Path(checkpoint) if checkpoint is not None else None,
+        resume=resume,
+        on_progress=on_progress,
+    )
     summary = {
         "shapes": len(shapes),
         "train": len(split["train"]),
         "test": len(split["test"]),
         "reference": reference,
         "noise": noise / base.bounding_diagonal,
-        "mirrored": len(x) > len(chosen),
+        "mirrored": len(examples.x) > len(chosen),
         "up": up,
         "seed": seed,
         "epochs": result.epochs,
@@ -133,16 +135,97 @@ def train(
             result.reconstruction if np.isfinite(result.reconstruction) else None
         ),
     }
-    codes, images = codes[: len(chosen)], codes[len(chosen) :]
-    prior = fit_prior(codes, images if len(images) else None)
-    model = DeformationModel(base, settings, scaler, result.network, codes, prior, split, summary)
-    decoded = model.decode(codes)
-    summary["train_e_rms"] = e_rms(chosen, decoded)
+    model = examples.model(result.network, settings, split, summary)
+    summary["train_e_rms"] = e_rms(chosen, model.decode(model.codes))
     if held_out is not None:
         if settings.align:
             held_out = align(held_out, base.vertices)
         summary["test_e_rms"] = e_rms(held_out, model.decode(model.encode(held_out)))
-    return replace(model, placement=fit_placement(decoded, chosen, base.bounding_diagonal))
+    if settings.method == "gradients" or result.interrupted:
+        return model
+    return replace(model, handle_noise=_calibrated(examples, settings, on_progress))
+
+
+@dataclass(frozen=True, eq=False)
+class _Examples:
+    """What is learned from.
+
+    Args:
+        shapes: N training shapes.
+        extractor: against their reference.
+        scaler: of their features.
+        x: (N or 2N, V, 9) scaled features of the shapes and, it may be, of their mirror images.
+    """
+
+    shapes: MeshSequence
+    extractor: FeatureExtractor
+    scaler: FeatureScaler
+    x: FloatArray
+
+    @cached_property
+    def geodesics(self) -> Geodesics:
+        return Geodesics(self.extractor.reference)
+
+    def some(self, kept: IntArray) -> _Examples:
+        """Of the shapes with these numbers only, scaled alike."""
+        rows = np.concatenate([kept, kept + len(self.shapes)])
+        return replace(self, shapes=self.shapes.subset(kept), x=self.x[rows[rows < len(self.x)]])
+
+    def learn(
+        self, settings: ModelConfig, *, seed: int = 0, device: str = "cpu", **carried: Any
+    ) -> TrainingResult:
+        """A network; see `factor` and `fit`."""
+        mesh = self.extractor.indptr, self.extractor.rings, self.geodesics
+        if settings.method == "factorisation":
+            result = factor(self.x, self.scaler, *mesh, settings, **carried)
+        else:
+            result = fit(self.x, *mesh, settings, seed=seed, device=device, **carried)
+        result.network.prune(settings.pruning)
+        return result
+
+    def model(
+        self,
+        network: MeshAutoencoder,
+        settings: ModelConfig,
+        split: dict[str, list[int]],
+        summary: dict[str, Any],
+    ) -> DeformationModel:
+        """The model of a network, with the statistics of these shapes."""
+        base, chosen = self.extractor.reference, self.shapes.vertices
+        decoder = Decoder(network, self.scaler, self.extractor.indptr, self.extractor.rings)
+        q = self.scaler.unscale(self.x)
+        codes = encode_features(settings, network, self.scaler, decoder, q)
+        codes, images = codes[: len(chosen)], codes[len(chosen) :]
+        prior = fit_prior(codes, images if len(images) else None)
+        model = DeformationModel(base, settings, self.scaler, network, codes, prior, split, summary)
+        decoded = model.decode(codes)
+        placement = fit_placement(codes, decoded, chosen, base.bounding_diagonal)
+        return replace(model, placement=placement)
+
+
+def _calibrated(
+    examples: _Examples, settings: ModelConfig, on_progress: ProgressCallback | None
+) -> float:
+    """The noise of handle fits for unseen shapes, by a shorter training on most examples."""
+    trial = replace(settings, epochs=max(1, round(_TRIAL * settings.epochs)))
+
+    def report(progress: TrainingProgress) -> None:
+        if on_progress is not None:
+            on_progress(TrainingProgress("calibration", progress.done, progress.total))
+
+    def learn(kept: IntArray) -> HandleFit:
+        some = examples.some(kept)
+        network = some.learn(trial, on_progress=report).network
+        solver = HandleSolver(some.model(network, trial, {}, {}))
+
+        def fit(index: IntArray, targets: FloatArray, noise: float) -> FloatArray:
+            solver.lean(noise=noise)
+            solver.set_handles(index, targets, hard=True)
+            return solver.solve().vertices
+
+        return fit
+
+    return choose_noise(learn, examples.shapes, examples.geodesics, _NOISES, 0)
 
 
 def _without_noise(

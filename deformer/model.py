@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
@@ -56,6 +56,7 @@ class DeformationModel:
         summary: facts about the training, for people (JSON values).
         placement: how the training shapes stand; None if that is not known.
         names: component → name, of those that people have named.
+        handle_noise: σ of handle fits (`HandleSolver`), in bounding diagonals.
     """
 
     reference: Mesh
@@ -68,6 +69,7 @@ class DeformationModel:
     summary: dict[str, Any] = field(default_factory=dict)
     placement: Placement | None = None
     names: dict[int, str] = field(default_factory=dict)
+    handle_noise: float = 0.007
 
     def __post_init__(self) -> None:
         """Check the names."""
@@ -119,6 +121,7 @@ class DeformationModel:
         arrays += [self.prior.mean, self.prior.covariance]
         if self.placement is not None:
             arrays.append(np.array([self.placement.rotation, self.placement.translation]))
+            arrays += self.placement.arrays.values()
         arrays += [tensor.numpy() for _, tensor in sorted(self.network.state_dict().items())]
         for array in arrays:
             digest.update(f"{array.dtype.str} {array.shape}\n".encode())
@@ -276,6 +279,9 @@ class DeformationModel:
             tensors["latent_covariance"] = torch.from_numpy(
                 np.ascontiguousarray(self.prior.covariance)
             )
+            if self.placement is not None:
+                for name, array in self.placement.arrays.items():
+                    tensors[f"placement_{name}"] = torch.from_numpy(np.ascontiguousarray(array))
             weights = save({k: v.contiguous() for k, v in tensors.items()})
             (folder / _FILES[2]).write_bytes(weights)
             V = len(self.reference.vertices)
@@ -289,7 +295,8 @@ class DeformationModel:
                 "scaler": {"r": [scaler.r_min, scaler.r_max], "s": [scaler.s_min, scaler.s_max]},
                 "split": self.split,
                 "summary": self.summary,
-                **({"placement": asdict(self.placement)} if self.placement else {}),
+                **({"placement": self.placement.deviations} if self.placement else {}),
+                "handle_noise": self.handle_noise,
                 **_description_of_names(self.names),
                 "sha256": {name: _digest(folder / name) for name in _FILES[1:]},
             }
@@ -423,9 +430,20 @@ def _assemble(folder: Path, data: dict[str, Any]) -> DeformationModel:
         LatentPrior(tensors["latent_mean"].numpy(), tensors["latent_covariance"].numpy()),
         data["split"],
         data["summary"],
-        Placement(**data["placement"]) if "placement" in data else None,
+        _placement(data["placement"], tensors) if "placement" in data else None,
         {int(k): str(name) for k, name in data.get("names", {}).items()},
+        **({"handle_noise": float(data["handle_noise"])} if "handle_noise" in data else {}),
     )
+
+
+def _placement(deviations: Mapping[str, float], tensors: Mapping[str, torch.Tensor]) -> Placement:
+    """Of a model's files; older ones have deviations only."""
+    arrays = {
+        name: tensors[f"placement_{name}"].numpy()
+        for name in ("offset", "gain")
+        if f"placement_{name}" in tensors
+    }
+    return Placement(**deviations, **arrays)
 
 
 def _digest_of_description(data: dict[str, Any]) -> str:

@@ -133,7 +133,9 @@ class CorrectedEvaluation:
 
 @dataclass(frozen=True, eq=False)
 class HandleObjective:
-    """Σ_h w_h ‖Q p_h(z) + t − q_h‖² / (σ D)² + ‖y‖² + m(ω, t).
+    """Σ_h w_h ‖Q p_h(z) + o(z) + t − q_h‖² / (σ D)² + ‖y‖² + m(ω, t).
+
+    o(z) is where shapes of this code stand (`Placement`).
 
     The rigid motion costs m = min(‖ω‖²/s_ω² + ‖t‖²/s_t², ‖ω‖²/S_ω² + ‖t‖²/S_t² + c): it is as small
     as the training shapes' (`Placement` s), or, for the surprise c, anything at all (S). With a
@@ -200,7 +202,21 @@ class HandleObjective:
 
     def motion(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rigid motion of points given relative to the centroid: rotation (3, 3), origin (3,)."""
-        return log_to_rotation(x[-6:-3]), self.centroid + self.diagonal * x[-3:]
+        return log_to_rotation(x[-6:-3]), self.origins(x)
+
+    def origins(self, x: FloatArray) -> FloatArray:
+        """Where the centroid goes, (..., 3), of unknowns (..., K+6)."""
+        where = x[..., -3:]
+        if self.placement is not None:
+            where = where + self.placement.at(self.prior.mean + x[..., :-6] @ self.factor.T)
+        return np.asarray(self.centroid + self.diagonal * where, dtype=np.float64)
+
+    @cached_property
+    def drift(self) -> FloatArray:
+        """Derivative (3, K) of the origin by the whitened code."""
+        if self.placement is None or self.placement.gain is None:
+            return np.zeros((3, self.size - 6))
+        return np.asarray(self.diagonal * self.placement.gain @ self.factor, dtype=np.float64)
 
     def move(self, x: FloatArray, p: FloatArray) -> FloatArray:
         """Rigid motion of points (n, 3) given relative to the centroid."""
@@ -325,7 +341,7 @@ class HandleObjective:
         omega = x[-6:-3]
         Q = log_to_rotation(omega)
         J = np.empty((H, 3, self.size))
-        J[:, :, :-6] = Q @ (dp @ self.factor)
+        J[:, :, :-6] = Q @ (dp @ self.factor) + self.drift
         # ∂(exp(ω) p)/∂ω = −exp(ω) [p]× J_right(ω)
         J[:, :, -6:-3] = -Q @ _cross_matrices(p) @ right_jacobian(omega)
         J[:, :, -3:] = self.diagonal * np.eye(3)

@@ -80,7 +80,7 @@ def fit_sequence(
     hard: ArrayLike = False,
     smoothness: float = 10.0,
     rigid: bool = True,
-    noise: float = 0.007,
+    noise: float | None = None,
     relaxation: int = 2,
     device: str = "cpu",
     on_progress: Callable[[int, int], None] | None = None,
@@ -114,7 +114,7 @@ def fit_sequence(
     basis = solver.basis
     basis.take(index.tolist())
     backend = _backend(basis, device)
-    objective = replace(HandleObjective.of(model, noise, rigid), freedom=1.0)
+    objective = solver.objective
     problem = _Problem(objective, backend, goals, factors, smoothness)
     F = len(goals)
     X = np.zeros((F, objective.size))
@@ -130,7 +130,7 @@ def fit_sequence(
             X[start:stop] = found[: stop - start]
             steps += taken
             part = slice(start, stop)
-            Q, origin = log_to_rotation(X[part, -6:-3]), problem.origin(X[part])
+            Q, origin = log_to_rotation(X[part, -6:-3]), objective.origins(X[part])
             z = problem.codes(X[part])
             backend.shapes(z, Q, origin, goals[part], held[part], relaxation, out[part])
             if on_progress is not None:
@@ -183,10 +183,6 @@ class _Problem:
     def codes(self, X: FloatArray) -> FloatArray:
         """Latent codes (m, K) of unknowns (m, n)."""
         return self._objective.prior.mean + X[:, :-6] @ self._objective.factor.T
-
-    def origin(self, X: FloatArray) -> FloatArray:
-        """Where the centroid goes, (m, 3)."""
-        return self._objective.centroid + self._objective.diagonal * X[:, -3:]
 
     def solve(self, window: slice, guess: FloatArray, before: FloatArray) -> tuple[FloatArray, int]:
         """Unknowns (m, n) of the frames of a window, and the joint steps taken.
@@ -284,7 +280,7 @@ class _Problem:
 
     def _misfit(self, window: slice, X: FloatArray, P: FloatArray) -> FloatArray:
         Q = log_to_rotation(X[:, -6:-3])
-        moved = P @ Q.transpose(0, 2, 1) + self.origin(X)[:, None]
+        moved = P @ Q.transpose(0, 2, 1) + self._objective.origins(X)[:, None]
         return self._rows[window, :, None] * (moved - self._goals[window])
 
     def _energy(
@@ -332,6 +328,7 @@ class _Problem:
         Q = log_to_rotation(omega)
         J = np.empty((*P.shape, objective.size))
         np.matmul(Q[:, None], slope @ objective.factor, out=J[..., :-6])
+        J[..., :-6] += objective.drift
         # ∂(exp(ω) p)/∂ω = −exp(ω) [p]× J_right(ω) = exp(ω) (J_right columns × p)
         columns = right_jacobian(omega).transpose(0, 2, 1)
         turned = np.cross(columns[:, None], P[:, :, None])

@@ -211,7 +211,9 @@ class Surface:
         self._wait()
         mesh, b = (self._indptr, self._rings), self._x.ravel()
         if self._rested:
-            over_ranges(turned_rhs, len(b) // 3, *mesh, self._halves, self._rest.ravel(), self._R, b)
+            over_ranges(
+                turned_rhs, len(b) // 3, *mesh, self._halves, self._rest.ravel(), self._R, b
+            )
         else:
             over_ranges(rhs, len(b) // 3, *mesh, self._mesh_arms, self._own, self._T, b)
 

@@ -26,8 +26,9 @@ State = tuple[dict[str, Any], dict[str, Tensor]]
 class TrainingProgress:
     """What a progress callback is told.
 
-    `stage` is "features" (done of total shapes) or "training" (done of total epochs); the loss
-    terms are weighted as they enter the loss, and zero in the first stage.
+    `stage` is "features" (done of total shapes), "training" (done of total epochs) or
+    "calibration" (done of total epochs of a trial on fewer shapes); the loss terms are weighted as
+    they enter the loss, and zero outside of training.
     """
 
     stage: str

@@ -20,8 +20,9 @@ ORDER = [
     "poisson", "mirroring",
     "autoencoder", "decoder", "losses", "localised", "checkpoints", "training_loop", "training",
     "factoring", "latent", "placement", "naming", "model",
-    "activations", "components", "synthesis", "interpolation", "learning",
-    "lanes", "packed", "surface", "landmarks", "objective", "basis", "handles", "uncertainty",
+    "activations", "components", "synthesis", "interpolation",
+    "lanes", "packed", "surface", "landmarks", "objective", "basis", "handles",
+    "calibration", "learning", "uncertainty",
     "frames", "torch_frames", "sequence", "baselines", "evaluation",
 ]  # fmt: skip
 RANK = {name: index for index, name in enumerate(ORDER)}

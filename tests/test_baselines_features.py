@@ -9,11 +9,11 @@ from deformer.baselines import _data_driven
 from deformer.baselines._checks import checked_handles, checked_shapes
 from deformer.baselines._data_driven import DataDrivenDeformation, _Control, _Fit
 from deformer.baselines._gradient_space import GradientSpace
-from deformer.baselines._noise import choose_noise
 from deformer.baselines.acap import AcapSplocs
 from deformer.baselines.autoencoder import Autoencoder
 from deformer.baselines.gradients import GradientSplocs
 from deformer.baselines.linear_components import LinearComponents
+from deformer.calibration import choose_noise
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor, extract_all, features_to_gradients
 from deformer.geodesics import Geodesics

@@ -22,7 +22,7 @@ from flag.wind import turbulent_wind
 from PIL import Image
 
 import deformer
-from deformer import Mesh, MeshSequence
+from deformer import MeshSequence
 from deformer.baselines.edges import EdgeSplocs
 
 COLUMNS, ROWS = 13, 9

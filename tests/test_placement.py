@@ -19,10 +19,30 @@ def test_motions_are_found_again(rotation, translation):
     shape = icosphere(1).vertices * [1.0, 0.7, 0.4]
     R = log_to_rotation(rotation * rng.normal(size=(400, 3)))
     moved = shape @ R.transpose(0, 2, 1) + 3.0 * translation * rng.normal(size=(400, 1, 3))
-    found = fit_placement(np.repeat(shape[None], 400, axis=0), moved, 3.0)
+    codes = rng.normal(size=(400, 2))
+    found = fit_placement(codes, np.repeat(shape[None], 400, axis=0), moved, 3.0)
     # A little is believed before any shape is seen: 0.01, as if by one shape.
     assert found.rotation == pytest.approx(np.hypot(rotation, 0.01 / 20), rel=0.1)
     assert found.translation == pytest.approx(np.hypot(translation, 0.01 / 20), rel=0.1)
+
+
+def test_where_shapes_of_a_code_stand_is_learned():
+    """A linear law is found again, of more codes than examples too; what has none is only mean."""
+    rng = np.random.default_rng(1)
+    shape = icosphere(1).vertices
+    shape = shape - shape.mean(axis=0)
+    offset, gain = np.array([0.3, -0.2, 0.1]), rng.normal(size=(3, 4))
+    codes = rng.normal(size=(60, 4))
+    moved = shape + 2.0 * (offset + codes @ gain.T + 1e-4 * rng.normal(size=(60, 3)))[:, None]
+    decoded = np.repeat(shape[None], 60, axis=0)
+    found = fit_placement(codes, decoded, moved, 2.0)
+    fresh = rng.normal(size=(5, 4))
+    np.testing.assert_allclose(found.at(fresh), offset + fresh @ gain.T, atol=1e-3)
+    assert found.translation < 2e-3
+    noise = fit_placement(rng.normal(size=(60, 90)), decoded, moved, 2.0)
+    np.testing.assert_allclose(noise.at(np.zeros(90)), moved.mean((0, 1)) / 2.0, atol=0.3)
+    spread = (moved.mean(axis=1) / 2.0).std()
+    assert 0.5 * spread < noise.translation < 1.5 * spread
 
 
 def test_the_tighter_the_more_a_surprise():
@@ -41,7 +61,7 @@ def test_a_lone_handle_bends_the_body_and_does_not_carry_it(model):
     goal = v[[100]] + [0, 0.03 * model.reference.bounding_diagonal, 0]
     poses = {}
     for freedom in (None, 1.0):
-        solver = HandleSolver(model, freedom=freedom)
+        solver = HandleSolver(model, noise=0.007, freedom=freedom)
         solver.set_handles([100], goal)
         poses[freedom] = np.linalg.norm(solver.solve().translation)
     assert poses[None] < 0.3 * poses[1.0]
@@ -76,8 +96,35 @@ def test_a_drag_away_is_followed_without_end(model):
     assert pose.residual.max() < 0.02 * diagonal
 
 
+def test_a_code_brings_its_place_along(model):
+    """Without handles, and to a handle's derivative."""
+    K = model.components
+    offset, gain = np.array([0.1, 0.2, -0.3]), 0.05 * np.random.default_rng(2).normal(size=(3, K))
+    placed = replace(model, placement=Placement(0.02, 0.005, offset, gain))
+    z = model.codes[0]
+    solver = HandleSolver(placed)
+    solver.lean(on=z)
+    place = model.reference.bounding_diagonal * (offset + gain @ z)
+    np.testing.assert_allclose(solver.solve().vertices, model.decode(z) + place, atol=1e-4)
+    objective = solver.objective
+    x = 0.1 * np.random.default_rng(3).normal(size=objective.size)
+    p, dp = np.zeros((1, 3)), np.zeros((1, 3, K))
+    slope = objective.tangents(x, p, dp)[0]
+    for n in range(objective.size):
+        step = 1e-6 * (np.arange(objective.size) == n)
+        change = (objective.move(x + step, p) - objective.move(x - step, p))[0] / 2e-6
+        np.testing.assert_allclose(slope[:, n], change, atol=1e-6)
+
+
 def test_it_is_kept_with_the_model(model, tmp_path):
-    model.save(tmp_path / "placed")
-    assert load_model(tmp_path / "placed").placement == TIGHT
+    K = model.components
+    placement = Placement(0.02, 0.005, np.arange(3.0), np.arange(3.0 * K).reshape(3, K))
+    for stands in (TIGHT, placement):
+        replace(model, placement=stands).save(tmp_path / "placed")
+        found = load_model(tmp_path / "placed").placement
+        assert found.deviations == stands.deviations
+        assert found.arrays.keys() == stands.arrays.keys()
+        for name, array in stands.arrays.items():
+            np.testing.assert_array_equal(found.arrays[name], array)
     replace(model, placement=None).save(tmp_path / "placed")
     assert load_model(tmp_path / "placed").placement is None

@@ -17,7 +17,7 @@ from deformer.baselines._checks import (
 )
 from deformer.baselines._data_driven import DataDrivenDeformation
 from deformer.baselines._gradient_space import GradientSpace
-from deformer.baselines._noise import HandleFit, choose_noise
+from deformer.calibration import HandleFit, choose_noise
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor, FeatureScaler
 from deformer.geodesics import Geodesics

@@ -15,9 +15,9 @@ from deformer.baselines._checks import (
     checked_training,
 )
 from deformer.baselines._edge_space import EdgeDeformation, EdgeSpace
-from deformer.baselines._noise import HandleFit, choose_noise
 from deformer.baselines._shell import Shell
 from deformer.baselines.method import Space
+from deformer.calibration import HandleFit, choose_noise
 from deformer.errors import InputError
 from deformer.geodesics import Geodesics
 from deformer.latent import fit_prior

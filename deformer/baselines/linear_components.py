@@ -11,9 +11,9 @@ from deformer.autoencoder import ModelConfig
 from deformer.baselines._data_driven import DataDrivenDeformation
 from deformer.baselines._gradient_method import NOISES, GradientMethod
 from deformer.baselines._gradient_space import GradientSpace
-from deformer.baselines._noise import HandleFit, choose_noise
 from deformer.baselines.autoencoder import Autoencoder
 from deformer.baselines.method import Space
+from deformer.calibration import HandleFit, choose_noise
 from deformer.errors import InputError
 from deformer.features import extract_all
 from deformer.latent import fit_prior

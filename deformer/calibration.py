@@ -1,4 +1,4 @@
-"""How firmly handle fits hold on to the components: chosen on training shapes left out."""
+"""How closely handle fits follow handles: what recovers training shapes left out best."""
 
 from __future__ import annotations
 
