@@ -46,10 +46,10 @@ class ReferenceSolver:
     """Finds the latent code, rigid motion and relaxed pose that meet the handles.
 
     Unknowns x = (y, ω, t): z = μ + L y with Σ = L Lᵀ, a rotation vector, and a translation in
-    bounding diagonals D. With p_h(z) the handle in the decoded shape, relative to its centroid, the
-    latent energy is
+    bounding diagonals D. With p_h(z) the handle in the decoded shape, relative to the centroid of
+    the reference, the latent energy is
 
-        Σ_h w_h ‖Q(ω) p_h(z) + centroid + D (o(z) + t) − q_h‖² / (σ D)² + ‖y‖² + m(ω, t),
+        Σ_h w_h ‖Q(ω) p_h(z) + centroid + D t − q_h‖² / (σ D)² + ‖y‖² + m(ω, t),
 
     with m = ‖ω‖²/0.3² + ‖t‖²/1², or, where that is less by the surprise of it, with the deviations
     of the training shapes (`model.placement`).
@@ -157,9 +157,10 @@ class ReferenceSolver:
         )
 
     def decode(self, z: ArrayLike) -> Array:
-        """Shape (V, 3) of a latent code (K,), centroid at the reference's."""
+        """Shape (V, 3) of a latent code (K,), where such shapes stand."""
         code = torch.tensor(np.asarray(z, dtype=np.float64))[None]
-        return self._free_solution(self._rhs(self._gradients(code)[0].numpy())) + self._centroid
+        p = self._free_solution(self._rhs(self._gradients(code)[0].numpy()))
+        return p + self._centroid + self._standing(code)[0].numpy()
 
     def energy(self, x: Array) -> float:
         """Latent energy of the unknowns x = (y, ω, t), (K + 6,)."""
@@ -230,8 +231,8 @@ class ReferenceSolver:
         """Weighted differences (n, H, 3) from targets to handles, of unknowns (n, K + 6)."""
         T = self._gradients(self._codes(x))
         p = (T.transpose(1, 2).flatten(2) @ torch.from_numpy(self._arms).T).transpose(1, 2)
+        p = p + self._standing(self._codes(x))[:, None]
         offset = torch.tensor(self._centroid) + self._diagonal * x[:, None, -3:]
-        offset = offset + self._standing(self._codes(x))[:, None]
         moved = p @ _exp(x[:, -6:-3]).transpose(1, 2) + offset
         weights = torch.tensor(np.sqrt(self._weights) / (self.noise * self._diagonal))
         return weights[:, None] * (moved - torch.tensor(self._targets))
@@ -308,7 +309,7 @@ class ReferenceSolver:
         T = self._gradients(self._codes(torch.tensor(x)[None]))[0].numpy()
         Q = _exp(torch.tensor(x[-6:-3])).numpy()
         offset = self._centroid + self._diagonal * x[-3:]
-        offset = offset + self._standing(self._codes(torch.tensor(x)[None]))[0].numpy()
+        offset = offset + Q @ self._standing(self._codes(torch.tensor(x)[None]))[0].numpy()
         if len(self._exact) == 0:
             return self._free_solution(self._rhs(T)) @ Q.T + offset
         goals = self._targets[np.isin(self._vertices, self._exact)]

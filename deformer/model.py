@@ -170,15 +170,25 @@ class DeformationModel:
         return codes[0] if single else codes
 
     def decode(self, z: ArrayLike) -> FloatArray:
-        """Shapes of latent codes: (K,) to (V, 3), or (N, K) to (N, V, 3), centred."""
+        """Shapes of latent codes: (K,) to (V, 3), or (N, K) to (N, V, 3).
+
+        They stand where training shapes of such codes do; without a `placement`, with their
+        centroids at the reference's.
+        """
         codes = np.asarray(z, dtype=np.float64)
         if codes.ndim not in (1, 2) or codes.shape[-1] != self.components:
             raise InputError(
                 f"z: expected ({self.components},) or (N, {self.components}), got {codes.shape}"
             )
         flat = codes.reshape(-1, self.components)
-        p = np.stack([self.poisson.reconstruct(self.decoder.features(row)) for row in flat])
+        p = np.stack([self._centred(row) for row in flat])
+        if self.placement is not None:
+            p += self.reference.bounding_diagonal * self.placement.at(flat)[:, None]
         return p[0] if codes.ndim == 1 else p
+
+    def _centred(self, z: FloatArray) -> FloatArray:
+        """Shape (V, 3) of a code (K,), its centroid at the reference's."""
+        return self.poisson.reconstruct(self.decoder.features(z))
 
     def fit(self, vertices: ArrayLike, iterations: int = 20) -> FloatArray:
         """Latent codes whose decoded shapes are closest to the given ones.
@@ -213,7 +223,7 @@ class DeformationModel:
         pull = (1e-3 * self.reference.bounding_diagonal) ** 2 * precision
 
         def energy(z: FloatArray) -> tuple[float, FloatArray]:
-            residual = self.decode(z) - goal
+            residual = self._centred(z) - goal
             away = z - self.prior.mean
             return float((residual**2).sum() + away @ pull @ away), residual
 

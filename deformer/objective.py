@@ -133,9 +133,9 @@ class CorrectedEvaluation:
 
 @dataclass(frozen=True, eq=False)
 class HandleObjective:
-    """Σ_h w_h ‖Q p_h(z) + o(z) + t − q_h‖² / (σ D)² + ‖y‖² + m(ω, t).
+    """Σ_h w_h ‖Q p_h(z) + t − q_h‖² / (σ D)² + ‖y‖² + m(ω, t).
 
-    o(z) is where shapes of this code stand (`Placement`).
+    Handles p_h are those of the shape where shapes of its code stand (`Placement`).
 
     The rigid motion costs m = min(‖ω‖²/s_ω² + ‖t‖²/s_t², ‖ω‖²/S_ω² + ‖t‖²/S_t² + c): it is as small
     as the training shapes' (`Placement` s), or, for the surprise c, anything at all (S). With a
@@ -206,14 +206,18 @@ class HandleObjective:
 
     def origins(self, x: FloatArray) -> FloatArray:
         """Where the centroid goes, (..., 3), of unknowns (..., K+6)."""
-        where = x[..., -3:]
-        if self.placement is not None:
-            where = where + self.placement.at(self.prior.mean + x[..., :-6] @ self.factor.T)
-        return np.asarray(self.centroid + self.diagonal * where, dtype=np.float64)
+        turned = log_to_rotation(x[..., -6:-3]) @ self.stands(x)[..., None]
+        return self.centroid + self.diagonal * x[..., -3:] + turned[..., 0]
+
+    def stands(self, x: FloatArray) -> FloatArray:
+        """Where the centroid is before the rigid motion, (..., 3), from the reference's."""
+        if self.placement is None:
+            return np.zeros((*x.shape[:-1], 3))
+        return self.diagonal * self.placement.at(self.prior.mean + x[..., :-6] @ self.factor.T)
 
     @cached_property
     def drift(self) -> FloatArray:
-        """Derivative (3, K) of the origin by the whitened code."""
+        """Derivative (3, K) of `stands` by the whitened code."""
         if self.placement is None or self.placement.gain is None:
             return np.zeros((3, self.size - 6))
         return np.asarray(self.diagonal * self.placement.gain @ self.factor, dtype=np.float64)
@@ -341,9 +345,9 @@ class HandleObjective:
         omega = x[-6:-3]
         Q = log_to_rotation(omega)
         J = np.empty((H, 3, self.size))
-        J[:, :, :-6] = Q @ (dp @ self.factor) + self.drift
+        J[:, :, :-6] = Q @ (dp @ self.factor + self.drift)
         # ∂(exp(ω) p)/∂ω = −exp(ω) [p]× J_right(ω)
-        J[:, :, -6:-3] = -Q @ _cross_matrices(p) @ right_jacobian(omega)
+        J[:, :, -6:-3] = -Q @ _cross_matrices(p + self.stands(x)) @ right_jacobian(omega)
         J[:, :, -3:] = self.diagonal * np.eye(3)
         return J
 

@@ -80,7 +80,7 @@ def fit_sequence(
     hard: ArrayLike = False,
     smoothness: float = 10.0,
     rigid: bool = True,
-    noise: float | None = None,
+    noise: float = 0.007,
     relaxation: int = 2,
     device: str = "cpu",
     on_progress: Callable[[int, int], None] | None = None,
@@ -96,7 +96,8 @@ def fit_sequence(
         hard: one for all, or (H,): meet the targets exactly wherever the weight is not 0.
         smoothness: weight of squared accelerations, from frame to frame; 0 fits every frame on
             its own. Motion that is slow for its frame rate bears 100 and more.
-        rigid, noise: as in `HandleSolver`.
+        rigid: as in `HandleSolver`.
+        noise: as in `HandleSolver`; markers are less certain than shapes.
         relaxation: rounds of rigid relaxation for hard handles, in every frame.
         device: "cpu", for all cores by numba; or where torch computes many frames at once:
             "cuda", "mps", "auto" (cuda or mps if there is one, else cpu), "torch" (torch's own
@@ -327,11 +328,11 @@ class _Problem:
         omega = X[:, -6:-3]
         Q = log_to_rotation(omega)
         J = np.empty((*P.shape, objective.size))
-        np.matmul(Q[:, None], slope @ objective.factor, out=J[..., :-6])
-        J[..., :-6] += objective.drift
+        np.matmul(Q[:, None], slope @ objective.factor + objective.drift, out=J[..., :-6])
         # ∂(exp(ω) p)/∂ω = −exp(ω) [p]× J_right(ω) = exp(ω) (J_right columns × p)
         columns = right_jacobian(omega).transpose(0, 2, 1)
-        turned = np.cross(columns[:, None], P[:, :, None])
+        standing = P + objective.stands(X)[:, None]
+        turned = np.cross(columns[:, None], standing[:, :, None])
         J[..., -6:-3] = Q[:, None] @ turned.transpose(0, 1, 3, 2)
         J[..., -3:] = objective.diagonal * np.eye(3)
         J *= self._rows[frames, :, None, None]

@@ -54,7 +54,8 @@ def uncertainty(solver: HandleSolver) -> Uncertainty:
     handles = solver.basis.by_all().at(z)
     P = objective.posterior(x, handles.positions, handles.derivative())
     V, n = len(model.reference.vertices), len(P)
-    p = model.decode(z) - model.poisson.centroid
+    p = model.decode(z)
+    p -= p.mean(axis=0)
     dp = model.tangents(z).T.reshape(V, 3, -1)
     Y = objective.tangents(x, p, dp)[:, :, :n] @ np.linalg.cholesky(P)
     flat = Y.reshape(-1, n)

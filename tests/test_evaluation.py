@@ -107,7 +107,7 @@ def test_fewer_test_shapes_of_a_sequence_follow_each_other():
     assert limited((1, 2), 5, ordered=False) == (1, 2)
 
 
-def test_epochs_only_make_trainings_shorter(source):
+def test_epochs_only_make_trainings_shorter(source, tiny):
     """The default's rounds are fewer than the steps of Adam that a quick look allows."""
     methods = "autoencoder", "autoencoder-paper", "linear-components", "tiny"
 

@@ -105,7 +105,9 @@ def test_a_code_brings_its_place_along(model):
     solver = HandleSolver(placed)
     solver.lean(on=z)
     place = model.reference.bounding_diagonal * (offset + gain @ z)
-    np.testing.assert_allclose(solver.solve().vertices, model.decode(z) + place, atol=1e-4)
+    away = model.decode(z) - model.decode(z).mean(axis=0) + model.reference.vertices.mean(axis=0)
+    np.testing.assert_allclose(placed.decode(z), away + place, atol=1e-9)
+    np.testing.assert_allclose(solver.solve().vertices, placed.decode(z), atol=1e-4)
     objective = solver.objective
     x = 0.1 * np.random.default_rng(3).normal(size=objective.size)
     p, dp = np.zeros((1, 3)), np.zeros((1, 3, K))
