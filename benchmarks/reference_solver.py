@@ -36,6 +36,8 @@ _STEPS = 200
 _WARM_ROUNDS = 1
 # Over-relaxation of the local steps.
 _FURTHER = 1.5
+# Tension of the plate by which exact handles move the rest, over the reference's area.
+_TENSION = 100.0
 # Rows of a Jacobian at once: bounds memory.
 _ROWS = 16
 
@@ -54,12 +56,10 @@ class ReferenceSolver:
     with m = ‖ω‖²/0.3² + ‖t‖²/1², or, where that is less by the surprise of it, with the deviations
     of the training shapes (`model.placement`).
 
-    Where handles are hard, the pose minimises, in rounds of a local (R) and a global (p) step from
-    R = I and with the handles exact,
-
-        Σ_i Σ_j c_ij ‖(p_i − p_j) − R_i T_i (v_i − v_j)‖²
-
-    with v the reference and T_i the decoded deformation gradients.
+    Where handles are hard, rounds of two steps begin at R = I: with b the right-hand side of
+    the edges ½ (R_i + R_j)(x_i − x_j) of the decoded shape x, positions p that minimise
+    (p − L⁻¹b)ᵀ K (p − L⁻¹b) with the handles exact, K being a thin plate under tension; and
+    rotations R_i that minimise Σ_j c_ij ‖(p_i − p_j) − R_i (x_i − x_j)‖².
 
     Args:
         model: the prior; any number of decoder layers.
@@ -83,6 +83,14 @@ class ReferenceSolver:
         self._edge_weights = c
         self._divergence, _ = self._operators(v)
         self._laplacian = sparse.csc_array(_row_sums(c) - c)
+        # A thin plate under tension, L A⁻¹ L / α + L = (L A⁻¹ / α + I) L.
+        f = model.reference.faces
+        double = np.linalg.norm(np.cross(v[f[:, 1]] - v[f[:, 0]], v[f[:, 2]] - v[f[:, 0]]), axis=1)
+        area = np.bincount(f.ravel(), np.repeat(double / 6, 3), len(v))
+        area = np.maximum(area, 1e-6 * area.sum() / len(v))
+        stiffening = self._laplacian @ sparse.diags_array(area.sum() / (_TENSION * area))
+        self._bending = sparse.csc_array(stiffening + sparse.eye_array(len(v)))
+        self._plate = self._bending @ self._laplacian
         # Vertex 0 is held: what L leaves open is a translation.
         self._factor = splu(self._laplacian[1:, 1:])
         self._network = copy.deepcopy(model.network).double().requires_grad_(False)
@@ -129,7 +137,7 @@ class ReferenceSolver:
         self._rest = np.delete(np.arange(V), self._exact)
         self._rest_factor = None
         if 0 < len(self._exact) < V:
-            self._rest_factor = splu(self._laplacian[self._rest][:, self._rest])
+            self._rest_factor = splu(sparse.csc_array(self._plate[self._rest][:, self._rest]))
 
     def solve(self, warm: bool = False) -> Pose:
         """Pose for the present handles; `energy` is the latent energy, without the relaxation.
@@ -353,13 +361,13 @@ class ReferenceSolver:
     def _global(self, b: Array, targets: Array) -> Array:
         """Positions (V, 3) of a right-hand side b (V, 3) with the hard handles at the targets.
 
-        The rows of L p = b of the other vertices, with what is known on the right: the same
-        minimiser as the Schur complement's with free translation.
+        The rows of K p = K L⁻¹ b, K = L A⁻¹ L / α + L, of the other vertices, with what is known
+        on the right: the same minimiser as the Schur complement's with free translation.
         """
         p = np.zeros_like(b)
         p[self._exact] = targets
         if self._rest_factor is not None:
-            left = b - self._laplacian @ p
+            left = self._bending @ b - self._plate @ p
             p[self._rest] = self._rest_factor.solve(left[self._rest])
         return p
 

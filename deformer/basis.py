@@ -27,13 +27,11 @@ class _Kept:
 
     Args:
         green: (V,) Green row.
-        ordered_green: (V,) the same as `Surface.ordered` gives it.
         landmark_arms: (S, 3).
         blocked_arms: as `Surface.block_arms` gives them.
     """
 
     green: FloatArray
-    ordered_green: NDArray
     landmark_arms: FloatArray
     blocked_arms: NDArray
 
@@ -48,6 +46,8 @@ class HandleBasis:
     def __init__(self, model: DeformationModel) -> None:
         """Factor the Laplacian, choose landmarks; there are no handles yet."""
         self.model = model
+        # Now, and not when the first handle is made exact.
+        _ = model.poisson.tensed
         self.surface = Surface(model.decoder, model.poisson)
         marks, labels = choose_landmarks(
             model.decoder, model.prior.factor, model.reference.vertices, _LANDMARKS
@@ -60,6 +60,8 @@ class HandleBasis:
         pointwise = self.landmark_decoder.pointwise
         self._packed = PackedDecoder(self.landmark_decoder) if pointwise else None
         self._kept: dict[int, _Kept] = {}
+        # Bending rows of the vertices that were held, and the same as `Surface.ordered` has them.
+        self._held: dict[int, tuple[FloatArray, NDArray]] = {}
         self.vertices: IntArray = np.empty(0, dtype=np.int64)
         self._by_all: ArmHandles | None = None
         self._by_landmarks: Handles | None = None
@@ -76,12 +78,12 @@ class HandleBasis:
             arms = poisson.arms(row[None])
             self._kept[vertex] = _Kept(
                 row,
-                self.surface.ordered(row),
                 self._grouping.arms(arms)[0],
                 self.surface.block_arms(arms[0]),
             )
         for gone in set(self._kept) - set(vertices):
             del self._kept[gone]
+            self._held.pop(gone, None)
         self.vertices = np.array(vertices, dtype=np.int64)
         self._by_all = self._by_landmarks = None
         kept = [self._kept[v] for v in vertices]
@@ -96,8 +98,18 @@ class HandleBasis:
 
     def hold(self, vertices: IntArray, surface: Surface | None = None) -> None:
         """Let the handle vertices (n,) be exact on a surface, the basis's own or a twin of it."""
-        rows = [self._kept[v].ordered_green for v in vertices.tolist()]
-        (surface or self.surface).take_exact(vertices, rows)
+        block = self.bending(vertices)[:, vertices]
+        rows = [self._held[v][1] for v in vertices.tolist()]
+        (surface or self.surface).take_exact(vertices, rows, block)
+
+    def bending(self, vertices: IntArray) -> FloatArray:
+        """Rows (n, V) by which handle vertices (n,) move the rest when they are exact."""
+        new = np.array([v for v in vertices.tolist() if v not in self._held], dtype=np.int64)
+        rows = self.model.poisson.bending_rows(new, self.green(new))
+        for vertex, row in zip(new.tolist(), rows, strict=True):
+            self._held[vertex] = row, self.surface.ordered(row)
+        found = [self._held[v][0] for v in vertices.tolist()]
+        return np.array(found).reshape(len(found), len(self.model.reference.vertices))
 
     def by_landmarks(self) -> Handles:
         """Positions of the handles by landmarks: fast, and off by what they leave out."""

@@ -182,9 +182,14 @@ class DeformationModel:
             )
         flat = codes.reshape(-1, self.components)
         p = np.stack([self._centred(row) for row in flat])
-        if self.placement is not None:
-            p += self.reference.bounding_diagonal * self.placement.at(flat)[:, None]
+        p += self.standing(flat)[:, None]
         return p[0] if codes.ndim == 1 else p
+
+    def standing(self, z: FloatArray) -> FloatArray:
+        """How far shapes of codes (..., K) stand from the reference: centroids (..., 3)."""
+        if self.placement is None:
+            return np.zeros((*z.shape[:-1], 3))
+        return self.reference.bounding_diagonal * self.placement.at(z)
 
     def _centred(self, z: FloatArray) -> FloatArray:
         """Shape (V, 3) of a code (K,), its centroid at the reference's."""

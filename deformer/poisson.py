@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
@@ -21,6 +23,8 @@ from deformer.mesh import (
 )
 from deformer.parallel import over_ranges
 
+# Tension beside bending, over the reference's area: bends die away within a tenth of its size.
+_TENSION = 100.0
 # Shapes reconstructed at once: a multiple of three right-hand sides, bounded memory.
 _BATCH = 40
 
@@ -172,6 +176,33 @@ class PoissonSystem:
         G = self.back_substitute(b).T - self._level
         G -= G.mean(axis=1, keepdims=True)
         return np.ascontiguousarray(G)
+
+    @cached_property
+    def tensed(self) -> SparseCholesky:
+        """The factor of L + α A, with the areas A of the vertices on a diagonal."""
+        v, faces = self.reference.vertices, self.reference.faces
+        a, b, c = (v[faces[:, k]] for k in range(3))
+        thirds = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
+        areas = np.bincount(faces.ravel(), np.repeat(thirds, 3), len(v))
+        total = float(areas.sum())
+        # A vertex of slivers only still has a weight.
+        areas = np.maximum(areas, 1e-6 * (total or 1.0) / len(v))
+        screen = sparse.diags_array(_TENSION * areas / (total or 1.0))
+        return SparseCholesky(self.laplacian + screen, v)
+
+    def bending_rows(self, vertices: ArrayLike, green: FloatArray) -> FloatArray:
+        """Green's functions (H, V) of a thin plate under tension, K = L A⁻¹ L / α + L.
+
+        They are those of L without those of L + α A, and smooth where these two have a spike.
+
+        Args:
+            vertices: (H,).
+            green: (H, V) their rows by `green_rows`.
+        """
+        index = np.asarray(vertices, dtype=np.int64)
+        unit = np.zeros((len(self.reference.vertices), len(index)))
+        unit[index, np.arange(len(index))] = 1.0
+        return np.ascontiguousarray(green - self.tensed.solve(unit).T)
 
     def arms(self, green: FloatArray) -> FloatArray:
         """Arms (H, V, 3) of Green rows (H, V): G_h · b(T) = Σ_i T_i arm_h,i, without a solve."""

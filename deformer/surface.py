@@ -35,11 +35,12 @@ _SHARE = 128
 
 
 def schur_inverse(block: FloatArray) -> FloatArray:
-    """Inverse of [G_hh 1; 1ᵀ 0] (H+1, H+1) for the block G_hh (H, H) of the handles' Green rows.
+    """Inverse of [G_hh 1; 1ᵀ 0] (H+1, H+1) for the block G_hh (H, H) of the handles' rows.
 
-    [μ; t] = inverse [q − p_h; 0] makes p + Gᵀμ + t the smallest change of p, in the Laplacian's
-    energy, that meets the targets q: the Schur complement of the constrained Poisson system with
-    free translation. Where targets cannot all be met (coincident vertices) it is the nearest.
+    [μ; t] = inverse [q − p_h; 0] makes p + Gᵀμ + t the smallest change of p, in the energy whose
+    Green's functions G are, that meets the targets q: the Schur complement of the constrained
+    system with free translation. Where targets cannot all be met (coincident vertices) it is the
+    nearest.
     """
     H = len(block)
     system = np.ones((H + 1, H + 1))
@@ -64,9 +65,11 @@ class Surface:
     """All vertices of a model: decoded, solved for, and moved onto exact handles rigidly.
 
     What the gradients T of a latent code rebuild is the shape x at rest. Exact handles deform it
-    as rigidly as possible (Sorkine & Alexa 2007): with a rotation R_i for every vertex, which
-    a relaxation finds and which is kept from frame to frame, p minimises
-    Σ_ij c_ij ‖(p_i − p_j) − ½ (R_i + R_j)(x_i − x_j)‖².
+    as rigidly as possible (Sorkine & Alexa 2007): every vertex has a rotation R_i, which
+    a relaxation finds from its edges and which is kept from frame to frame. With e_i
+    = Σ_j ½ c_ij (R_i + R_j)(x_i − x_j), what L p = e lacks to the handles is spread by the rows
+    that they bring along: with Green's functions of L the edges are kept best, with smoother ones
+    (`PoissonSystem.bending_rows`) the bends, and handles leave no spikes.
 
     Args:
         decoder: of all vertices.
@@ -151,8 +154,15 @@ class Surface:
             self._arms[:, h] = blocked[h]
         self._handles = vertices
 
-    def take_exact(self, vertices: IntArray, rows: list[NDArray]) -> None:
-        """The vertices (H,) that `meet` holds, with their Green rows by `ordered`."""
+    def take_exact(self, vertices: IntArray, rows: list[NDArray], block: FloatArray) -> None:
+        """The vertices (H,) that `meet` holds.
+
+        Args:
+            vertices: (H,).
+            rows: by which they move the rest, by `ordered`.
+            block: (H, H) of these rows at the vertices, in double precision: rows of vertices
+                side by side hardly differ.
+        """
         changed = _changed(self._exact, vertices)
         if not changed and len(vertices) == len(self._exact):
             return
@@ -160,8 +170,7 @@ class Surface:
         for h in changed:
             self._green[h] = rows[h]
         self._exact = vertices
-        block = self._green[: len(vertices), self._factor.place[vertices]]
-        self._exact_inverse = schur_inverse(block.astype(np.float64))
+        self._exact_inverse = schur_inverse(block)
 
     def ordered(self, green: FloatArray) -> NDArray:
         """A Green row (V,) in the order of elimination, single precision."""

@@ -56,7 +56,7 @@ class Synthesis:
         return self.start + self._vector(weights) * span
 
     def shape(self, weights: Weights, way: Way = "latent") -> FloatArray:
-        """Vertices (V, 3) of weights by component, centroid at the reference's.
+        """Vertices (V, 3) of weights by component.
 
         Args:
             weights: by index or name.
@@ -77,7 +77,7 @@ class Synthesis:
             q = model.decoder.features(self.start)
             for k in used:
                 q = q + w[k] * acts.change(int(k))
-            return model.poisson.reconstruct(q)
+            return model.poisson.reconstruct(q) + model.standing(self.code(weights))
         p, rest = model.decode(self.start), model.decode(acts.reference)
         for k in used:
             p = p + w[k] * (model.decode(acts.representative(int(k))) - rest)
@@ -156,13 +156,15 @@ def transfer(source: DeformationModel, target: DeformationModel, z: ArrayLike) -
         z: (K,) code of `source`.
 
     Returns:
-        Vertices (V, 3), centroid at the target's reference's. Whether the target's examples do
-        anything like it is not asked; `transfer_code` does.
+        Vertices (V, 3), as far from the target's reference, in its size, as the source's from its
+        own. Whether the target's examples do anything like it is not asked; `transfer_code` does.
 
     Raises:
         InputError: the connectivities differ, or z is no code of `source`.
     """
-    return target.poisson.reconstruct(_carried(source, target, z))
+    p = target.poisson.reconstruct(_carried(source, target, z))
+    size = target.reference.bounding_diagonal / source.reference.bounding_diagonal
+    return p + size * source.standing(np.asarray(z, dtype=np.float64))
 
 
 def transfer_code(source: DeformationModel, target: DeformationModel, z: ArrayLike) -> FloatArray:

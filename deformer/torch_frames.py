@@ -110,7 +110,7 @@ class TorchFrames:
         for which in np.unique(held, axis=0) if len(held) else []:
             frames = np.flatnonzero((held == which).all(axis=1))
             exact = self._basis.vertices[which]
-            green = self._basis.green(exact)
+            green = self._basis.bending(exact)
             inverse = self._tensor(schur_inverse(green[:, exact]))
             index = torch.as_tensor(exact, device=self._device)
             rows = self._tensor(green)

@@ -169,9 +169,8 @@ def test_the_example_runs_and_its_model_is_kept(load_example, tmp_path, monkeypa
     assert Image.open(out / "components.png").width > 5 * 60
     model = deformer.load_model(out / "model")
     assert model.split == {"train": [0, 5, 10, 15, 20], "test": model.split["test"]}
-    # The noise that was put there is taken off before training.
-    left, put = (np.abs(shape - clean[0]).mean() for shape in (model.reference.vertices, noisy[0]))
-    assert left < put
+    # What takes the noise off hardly changes the frame that has none.
+    assert np.abs(model.reference.vertices - clean[0]).mean() < 0.1 * 0.002
     before = (out / "model" / "weights.safetensors").stat().st_mtime_ns
     example.main(*files, out, components=4, epochs=3, stills=2)
     assert (out / "model" / "weights.safetensors").stat().st_mtime_ns == before

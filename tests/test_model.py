@@ -191,11 +191,16 @@ def test_single_shapes_and_batches_agree():
     )
 
 
-def test_decoding_is_centred_on_the_reference():
-    model = small_model()
+def test_decoded_shapes_stand_where_examples_do():
+    """And on the reference where that is not known."""
+    model, shapes = small_model(), sequence()
     centre = model.reference.vertices.mean(axis=0)
-    decoded = model.decode(model.codes)
-    np.testing.assert_allclose(decoded.mean(axis=1), np.tile(centre, (12, 1)), atol=1e-9)
+    stands = shapes.vertices.mean(axis=1)
+    decoded = model.decode(model.codes).mean(axis=1)
+    np.testing.assert_allclose(decoded, centre + model.standing(model.codes), atol=1e-9)
+    assert np.abs(decoded - stands).max() < 0.2 * np.ptp(stands, axis=0).max()
+    still = replace(model, placement=None).decode(model.codes).mean(axis=1)
+    np.testing.assert_allclose(still, np.tile(centre, (12, 1)), atol=1e-9)
 
 
 def test_training_codes_are_the_encoded_shapes_and_prior_their_statistics():

@@ -262,34 +262,29 @@ def test_rounds_do_not_mirror():
 
 
 def descends(model, vertices, targets):
-    """Hard handles: more rounds, less energy; after many a minimum in every free vertex."""
+    """Hard handles: more rounds, less energy; after many neither step changes anything."""
     poses = []
-    for rounds in (0, 3, 600):
+    for rounds in (0, 3, 600, 601):
         solver = ReferenceSolver(model, noise=1.0, relaxation=rounds)
         solver.set_handles(vertices, targets, hard=True)
         poses.append(solver.solve())
     energies = [relaxed_energy(model, pose, pose.vertices) for pose in poses]
-    assert np.all(np.diff(energies) < 0)
-    h = 1e-4
-    for i in np.setdiff1d(np.arange(120), vertices)[::13]:
-        for e in h * np.eye(3):
-            shift = np.zeros((120, 3))
-            shift[i] = e
-            below = relaxed_energy(model, poses[-1], poses[-1].vertices - shift)
-            above = relaxed_energy(model, poses[-1], poses[-1].vertices + shift)
-            curvature = below - 2 * energies[-1] + above
-            assert curvature > 0
-            assert abs(0.5 * h * (below - above) / curvature) < 1e-5
+    assert energies[0] > energies[1] > energies[2]
+    np.testing.assert_allclose(poses[3].vertices, poses[2].vertices, atol=1e-4)
 
 
 def test_no_rounds_are_the_schur_complement():
-    """Of all poses with the handles met, the nearest to the decoded one in L's norm."""
+    """Of all poses with the handles met, the nearest to the decoded one as a plate bends."""
     model = small_model()
     vertices, targets = edit(model, 4)
     solver = ReferenceSolver(model, rigid=False, relaxation=0)
     solver.set_handles(vertices, targets, hard=True)
     pose = solver.solve()
-    force = model.poisson.laplacian @ (pose.vertices - decoded(model, pose.z))
+    L, (v, f) = model.poisson.laplacian, (model.reference.vertices, model.reference.faces)
+    double = np.linalg.norm(np.cross(v[f[:, 1]] - v[f[:, 0]], v[f[:, 2]] - v[f[:, 0]]), axis=1)
+    area = np.bincount(f.ravel(), np.repeat(double / 6, 3), len(v))
+    bent = L @ (pose.vertices - decoded(model, pose.z))
+    force = L @ (bent / (100.0 * area / area.sum())[:, None]) + bent
     free = np.setdiff1d(np.arange(120), vertices)
     np.testing.assert_allclose(force[free], 0, atol=1e-9)
     assert np.abs(force[vertices]).max() > 1e-3

@@ -41,9 +41,14 @@ def prepare(mesh, rest, count=5, seed=0):
     system = PoissonSystem(mesh)
     surface = Surface(decoder_of(mesh, rest), system)
     vertices = np.sort(np.random.default_rng(seed).choice(len(rest), count, replace=False))
-    surface.take_exact(vertices, [surface.ordered(row) for row in system.green_rows(vertices)])
+    hold(surface, vertices, system)
     surface.decode(np.zeros(2))
     return surface, vertices, system
+
+
+def hold(surface, vertices, system):
+    rows = system.green_rows(vertices)
+    surface.take_exact(vertices, [surface.ordered(row) for row in rows], rows[:, vertices])
 
 
 def solve(surface, targets):
@@ -131,6 +136,35 @@ def test_exact_handles_by_the_whole_constrained_system(name):
         np.testing.assert_allclose(found - rest, change, atol=5e-5)
 
 
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
+@NAMES
+def test_bending_rows_by_the_whole_system(name, unit):
+    """K⁺ of K = L A⁻¹ L / α + L, dense, up to what is the same for all vertices."""
+    mesh = Mesh(unit * MESHES[name].vertices, MESHES[name].faces)
+    system = PoissonSystem(mesh)
+    L, V = system.laplacian.toarray(), len(mesh.vertices)
+    corners = mesh.vertices[mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.zeros(V)
+    np.add.at(area, mesh.faces, np.linalg.norm(normals, axis=1)[:, None] / 6)
+    area = np.maximum(area, 1e-6 * area.mean())
+    K = L @ np.diag(area.sum() / (100.0 * area)) @ L + L
+    vertices = np.array([0, V // 2, V - 1])
+    green = system.green_rows(vertices)
+    found = system.bending_rows(vertices, green)
+    unit_loads = np.eye(V)[vertices]
+    # What the rows of two vertices differ by is what opposite loads on these do.
+    load = np.diff(unit_loads, axis=0)
+    difference = np.diff(found, axis=0)
+    np.testing.assert_allclose(K @ difference.T, load.T, atol=1e-9 * np.abs(K).max())
+    if name != "awkward":
+        expected = np.linalg.lstsq(K, load.T, rcond=None)[0].T
+        expected += (difference - expected).mean(axis=1, keepdims=True)
+        np.testing.assert_allclose(difference, expected, atol=1e-6 * np.abs(found).max())
+    # What is missed and how it is spread must agree: Gᵀμ at the handles is G_hh μ.
+    np.testing.assert_allclose(found[:, vertices], found[:, vertices].T, atol=1e-9)
+
+
 def test_the_schur_inverse_of_one_handle_is_a_translation():
     np.testing.assert_allclose(
         schur_inverse(np.array([[0.7]])) @ [2.0, 0.0], [0.0, 2.0], atol=1e-12
@@ -162,7 +196,7 @@ def test_a_rigid_motion_of_all_vertices(name, unit):
     system = PoissonSystem(mesh)
     surface = Surface(decoder_of(mesh, mesh.vertices), system)
     vertices = np.arange(len(goal))
-    surface.take_exact(vertices, [surface.ordered(row) for row in system.green_rows(vertices)])
+    hold(surface, vertices, system)
     surface.decode(np.zeros(2))
     assert largest(relax(surface, goal, 3) - goal) < 1e-4 * mesh.bounding_diagonal
 
