@@ -453,12 +453,12 @@ def _assemble(folder: Path, data: dict[str, Any]) -> DeformationModel:
 
 def _placement(deviations: Mapping[str, float], tensors: Mapping[str, torch.Tensor]) -> Placement:
     """Of a model's files; older ones have deviations only."""
-    arrays = {
-        name: tensors[f"placement_{name}"].numpy()
-        for name in ("offset", "gain")
-        if f"placement_{name}" in tensors
-    }
-    return Placement(**deviations, **arrays)
+
+    def array(name: str) -> FloatArray | None:
+        found = tensors.get(f"placement_{name}")
+        return None if found is None else found.numpy()
+
+    return Placement(**deviations, offset=array("offset"), gain=array("gain"))
 
 
 def _digest_of_description(data: dict[str, Any]) -> str:

@@ -49,7 +49,7 @@ class TorchFrames:
         system = model.poisson
         rows = np.repeat(np.arange(V), np.diff(system.indptr))
         v = model.reference.vertices / self._unit
-        halves = 0.5 * system.c[:, None]
+        halves: FloatArray = np.asarray(0.5 * system.c[:, None], dtype=np.float64)
         self._halves = self._tensor(halves)
         self._edges = self._tensor(halves * (v[rows] - v[system.rings]))
         self._from = torch.as_tensor(rows, device=self._device)
