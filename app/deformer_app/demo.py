@@ -22,6 +22,7 @@ from deformer_app.pictures import (
     save_gif,
     save_picture,
 )
+from deformer_app.session import NOISE
 
 if TYPE_CHECKING:
     from deformer import DeformationModel
@@ -118,7 +119,7 @@ def record(reference: Mesh, up: str = "y") -> Drag:
 
 def replay(model: DeformationModel, drag: Drag, progress: Callable[[int], None]) -> list[Take]:
     """Feed the drag to a solver as the mouse would; the first take is the pose before any move."""
-    solver = deformer.HandleSolver(model)
+    solver = deformer.HandleSolver(model, noise=NOISE)
     targets = model.reference.vertices[list(drag.vertices)].copy()
     started = perf_counter()
     solver.set_handles(list(drag.vertices), targets)

@@ -24,7 +24,7 @@ KINDS: tuple[Kind, ...] = ("soft", "exact", "pin")
 Body = Literal["auto", "stays", "moves"]
 BODIES: tuple[Body, ...] = ("auto", "stays", "moves")
 
-NOISE = 0.007  # of the solver by default
+NOISE = 0.007  # whoever pulls by hand is less certain than a marker: the prior may resist
 # Share of its freedom that a body keeps that is to stay where it is; see HandleSolver.
 _STAYS = 0.01
 # So many handles hold a body in space; with fewer a drag would only carry it along.

@@ -1,0 +1,83 @@
+"""Draw the pictures of the README and of the model cards: drag.png, humanoid.png, flag.png.
+
+python docs/pictures.py docs
+
+The examples draw the gallery and flag-components.png; viewer.png is a picture of the screen.
+"""
+
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+import deformer
+from deformer_app import demo
+from deformer_app.camera import aim
+from deformer_app.filmstrips import save_sheet
+from deformer_app.pictures import HandleMarks, contact_sheet, render
+from deformer_app.session import NOISE
+
+COLUMNS, ROWS = 61, 41  # vertices of the flag
+# Where its lower and upper free corners and the middle between them are pulled to, in metres.
+PULLS = {
+    "swung back": [[1.05, 0.95, -0.05], [1.05, 0.95, 0.85], [1.1, 0.95, 0.4]],
+    "a corner pulled over": [[1.3, -0.25, 0.0], [0.95, -0.5, 0.65], [1.3, -0.35, 0.45]],
+    "sagging": [[0.95, -0.45, -0.45], [1.2, -0.15, 0.5], [1.1, -0.3, 0.0]],
+}
+
+
+def draw_humanoid(path: Path) -> None:
+    """The sheet of `deformer demo`."""
+    with tempfile.TemporaryDirectory() as folder:
+        demo.run("humanoid", Path(folder), lambda done, total: None)
+        shutil.copyfile(Path(folder) / "sheet.png", path)
+
+
+def draw_drag(path: Path) -> None:
+    """Three poses of the demo's drag."""
+    model = deformer.load_model("humanoid")
+    drag = demo.record(model.reference, "z")
+    takes = demo.replay(model, drag, lambda done: None)
+    marked = [
+        (take.vertices, HandleMarks(take.vertices[list(drag.vertices)], take.targets, drag.pinned))
+        for take in (takes[0], takes[demo.REACH_STEPS], takes[-1])
+    ]
+    draw(path, model, marked, (520, 640), azimuth=30)
+
+
+def draw_flag(path: Path) -> None:
+    """The flat flag, and exact handles at its free edge."""
+    model = deformer.load_model("flag")
+    grid = np.arange(COLUMNS * ROWS).reshape(COLUMNS, ROWS)
+    handles = [*grid[0, [0, -1]], *grid[-1, [0, -1, ROWS // 2]]]
+    pinned = [True, True, False, False, False]
+    rest = model.reference.vertices
+    solver = deformer.HandleSolver(model, noise=NOISE)
+    solver.set_handles(handles, rest[handles])  # the flag hangs as at rest before it is pulled
+    marked = [(rest, HandleMarks(rest[handles], pinned=pinned))]
+    for pulled in PULLS.values():
+        targets = np.concatenate([rest[handles[:2]], pulled])
+        solver.set_handles(handles, targets, hard=True)
+        shape = solver.solve().vertices
+        marked.append((shape, HandleMarks(shape[handles], targets, pinned)))
+    draw(path, model, marked, (420, 350), azimuth=-30, titles=["reference", *PULLS])
+
+
+def draw(path, model, marked, size, azimuth, titles=None):
+    """Shapes and their handles in a row, all from one camera."""
+    shapes = np.stack([vertices for vertices, _ in marked])
+    camera = aim(shapes, up="z", azimuth=azimuth, aspect=size[0] / size[1])
+    tiles = [
+        render(deformer.Mesh(vertices, model.reference.faces), camera, size, marks)
+        for vertices, marks in marked
+    ]
+    save_sheet(path, contact_sheet(tiles, len(tiles), titles, gap=4))
+
+
+if __name__ == "__main__":
+    into = Path(sys.argv[1])
+    draw_humanoid(into / "humanoid.png")
+    draw_drag(into / "drag.png")
+    draw_flag(into / "flag.png")
