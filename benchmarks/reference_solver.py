@@ -51,10 +51,11 @@ class ReferenceSolver:
     bounding diagonals D. With p_h(z) the handle in the decoded shape, relative to the centroid of
     the reference, the latent energy is
 
-        Σ_h w_h ‖Q(ω) p_h(z) + centroid + D t − q_h‖² / (σ D)² + ‖y‖² + m(ω, t),
+        Σ_h w_h ‖Q(ω) p_h(z) + centroid + D t − q_h‖² / (σ D)² + ‖y‖² + ‖b(z)‖² + m(ω, t),
 
-    with m = ‖ω‖²/0.3² + ‖t‖²/1², or, where that is less by the surprise of it, with the deviations
-    of the training shapes (`model.placement`).
+    with b what bends more than in any example (`model.limits`) and m = ‖ω‖²/0.3² + ‖t‖²/1², or,
+    where that is less by the surprise of it, with the deviations of the training shapes
+    (`model.placement`).
 
     Where handles are hard, rounds of two steps begin at R = I: with b the right-hand side of
     the edges ½ (R_i + R_j)(x_i − x_j) of the decoded shape x, positions p that minimise
@@ -174,7 +175,19 @@ class ReferenceSolver:
         """Latent energy of the unknowns x = (y, ω, t), (K + 6,)."""
         misfit = self._misfit(torch.tensor(x)[None]).numpy()
         stiffness, cost = self._stiffness(x)
-        return float((misfit**2).sum() + (stiffness * x**2).sum() + cost)
+        beyond, _ = self._beyond(x)
+        return float((misfit**2).sum() + (beyond**2).sum() + (stiffness * x**2).sum() + cost)
+
+    def _beyond(self, x: Array) -> tuple[Array, Array]:
+        """What bends beyond the examples, in slacks (M,), and its derivative (M, K) by y."""
+        limits, K = self.model.limits, len(x) - 6
+        if limits is None:
+            return np.zeros(0), np.zeros((0, K))
+        bends = limits.directions @ self._codes(torch.tensor(x)[None])[0].numpy()
+        over, under = np.maximum(bends - limits.high, 0), np.maximum(limits.low - bends, 0)
+        outside = ((over > 0) | (under > 0)) / limits.slack
+        slope = outside[:, None] * (limits.directions @ self._root.numpy())
+        return (over - under) / limits.slack, slope
 
     def _stiffness(self, x: Array) -> tuple[Array, float]:
         """Weights (K + 6,) of the squared unknowns and what they cost: the cheaper motion's."""
@@ -294,8 +307,11 @@ class ReferenceSolver:
             J = self._jacobian(x)[:, active]
             stiffness = self._stiffness(x)[0][active]
             hessian = J.T @ J + np.diag(stiffness)
+            beyond, slope = self._beyond(x)
+            hessian[: slope.shape[1], : slope.shape[1]] += slope.T @ slope
             misfit = self._misfit(torch.tensor(x)[None]).numpy().ravel()
             gradient = J.T @ misfit + stiffness * x[active]
+            gradient[: slope.shape[1]] += slope.T @ beyond
             while True:
                 trial = x.copy()
                 damped = hessian + damping * np.diag(np.diag(hessian))

@@ -100,7 +100,8 @@ class HandleSolver:
     """Finds the latent code and rigid motion whose mesh meets the handles.
 
     Minimises Σ_h w_h ‖Q p_h(z) + t − q_h‖² / (σ D)² + (z−μ)ᵀ Σ⁻¹ (z−μ), with D the reference's
-    bounding diagonal, plus a term on rotation and translation, by damped Gauss–Newton. Handle
+    bounding diagonal, plus terms on rotation and translation, and on parts that bend more than in
+    any example, by damped Gauss–Newton. Handle
     positions come from the features through one Green row a handle, kept while the handle lives;
     nothing is factored when handles come, move or go.
 

@@ -20,6 +20,7 @@ from deformer.features import FeatureExtractor, FeatureScaler, extract_all
 from deformer.geodesics import Geodesics
 from deformer.handles import HandleSolver
 from deformer.latent import fit_prior
+from deformer.limits import choose_marks, fit_limits
 from deformer.mesh import FloatArray, IntArray, Mesh, MeshSequence
 from deformer.metrics import e_rms
 from deformer.mirroring import images_explain, mirror_images
@@ -166,6 +167,10 @@ class _Examples:
     def geodesics(self) -> Geodesics:
         return Geodesics(self.extractor.reference)
 
+    @cached_property
+    def marks(self) -> tuple[IntArray, IntArray]:
+        return choose_marks(self.geodesics)
+
     def some(self, kept: IntArray) -> _Examples:
         """Of the shapes with these numbers only, scaled alike."""
         rows = np.concatenate([kept, kept + len(self.shapes)])
@@ -195,12 +200,14 @@ class _Examples:
         decoder = Decoder(network, self.scaler, self.extractor.indptr, self.extractor.rings)
         q = self.scaler.unscale(self.x)
         codes = encode_features(settings, network, self.scaler, decoder, q)
-        codes, images = codes[: len(chosen)], codes[len(chosen) :]
+        every, codes, images = codes, codes[: len(chosen)], codes[len(chosen) :]
         prior = fit_prior(codes, images if len(images) else None)
         model = DeformationModel(base, settings, self.scaler, network, codes, prior, split, summary)
+        marks, pairs = self.marks
+        limits = fit_limits(model.decoder_at(marks), pairs, prior.mean, every)
         decoded = model.decode(codes)
         placement = fit_placement(codes, decoded, chosen, base.bounding_diagonal)
-        return replace(model, placement=placement)
+        return replace(model, placement=placement, limits=limits)
 
 
 def _calibrated(

@@ -26,6 +26,7 @@ from deformer.features import FeatureExtractor, FeatureScaler, extract_all
 from deformer.geodesics import Geodesics
 from deformer.io import load_mesh, save_mesh, write_json
 from deformer.latent import LatentPrior
+from deformer.limits import BendLimits
 from deformer.mesh import FloatArray, IntArray, Mesh, connectivity_hash, one_rings
 from deformer.naming import check_names, find_component
 from deformer.placement import Placement
@@ -57,6 +58,7 @@ class DeformationModel:
         placement: how the training shapes stand; None if that is not known.
         names: component → name, of those that people have named.
         handle_noise: σ of handle fits (`HandleSolver`), in bounding diagonals.
+        limits: how far parts bend against each other in the examples; None if that is not known.
     """
 
     reference: Mesh
@@ -70,6 +72,7 @@ class DeformationModel:
     placement: Placement | None = None
     names: dict[int, str] = field(default_factory=dict)
     handle_noise: float = 0.007
+    limits: BendLimits | None = None
 
     def __post_init__(self) -> None:
         """Check the names."""
@@ -122,6 +125,8 @@ class DeformationModel:
         if self.placement is not None:
             arrays.append(np.array([self.placement.rotation, self.placement.translation]))
             arrays += self.placement.arrays.values()
+        if self.limits is not None:
+            arrays += self.limits.arrays.values()
         arrays += [tensor.numpy() for _, tensor in sorted(self.network.state_dict().items())]
         for array in arrays:
             digest.update(f"{array.dtype.str} {array.shape}\n".encode())
@@ -297,6 +302,9 @@ class DeformationModel:
             if self.placement is not None:
                 for name, array in self.placement.arrays.items():
                     tensors[f"placement_{name}"] = torch.from_numpy(np.ascontiguousarray(array))
+            if self.limits is not None:
+                for name, array in self.limits.arrays.items():
+                    tensors[f"limits_{name}"] = torch.from_numpy(np.ascontiguousarray(array))
             weights = save({k: v.contiguous() for k, v in tensors.items()})
             (folder / _FILES[2]).write_bytes(weights)
             V = len(self.reference.vertices)
@@ -448,7 +456,16 @@ def _assemble(folder: Path, data: dict[str, Any]) -> DeformationModel:
         _placement(data["placement"], tensors) if "placement" in data else None,
         {int(k): str(name) for k, name in data.get("names", {}).items()},
         **({"handle_noise": float(data["handle_noise"])} if "handle_noise" in data else {}),
+        limits=_limits(tensors),
     )
+
+
+def _limits(tensors: Mapping[str, torch.Tensor]) -> BendLimits | None:
+    """Of a model's files; older ones have none."""
+    if "limits_slack" not in tensors:
+        return None
+    arrays = (f"limits_{name}" for name in ("directions", "low", "high", "slack"))
+    return BendLimits(*(tensors[name].numpy() for name in arrays))
 
 
 def _placement(deviations: Mapping[str, float], tensors: Mapping[str, torch.Tensor]) -> Placement:

@@ -19,6 +19,7 @@ from deformer.differentials import (
     arm_sensitivities,
 )
 from deformer.latent import LatentPrior
+from deformer.limits import BendLimits
 from deformer.mesh import FloatArray
 from deformer.model import DeformationModel
 from deformer.placement import FREE, Placement, surprise
@@ -133,9 +134,10 @@ class CorrectedEvaluation:
 
 @dataclass(frozen=True, eq=False)
 class HandleObjective:
-    """Σ_h w_h ‖Q p_h(z) + t − q_h‖² / (σ D)² + ‖y‖² + m(ω, t).
+    """Σ_h w_h ‖Q p_h(z) + t − q_h‖² / (σ D)² + ‖y‖² + ‖b(z)‖² + m(ω, t).
 
-    Handles p_h are those of the shape where shapes of its code stand (`Placement`).
+    Handles p_h are those of the shape where shapes of its code stand (`Placement`); b is what bends
+    more than any example (`BendLimits.beyond`).
 
     The rigid motion costs m = min(‖ω‖²/s_ω² + ‖t‖²/s_t², ‖ω‖²/S_ω² + ‖t‖²/S_t² + c): it is as small
     as the training shapes' (`Placement` s), or, for the surprise c, anything at all (S). With a
@@ -153,6 +155,7 @@ class HandleObjective:
         placement: s, or None where it is not known.
         freedom: factor on the deviations S of the rigid motion; None is the minimum above.
         sole: the one of the minimum's terms that counts, 0 or 1; None is the minimum.
+        limits: of bends, or None where they are not known.
     """
 
     prior: LatentPrior
@@ -166,6 +169,7 @@ class HandleObjective:
     placement: Placement | None = None
     freedom: float | None = None
     sole: int | None = None
+    limits: BendLimits | None = None
 
     @classmethod
     def of(cls, model: DeformationModel, noise: float, rigid: bool) -> HandleObjective:
@@ -180,6 +184,7 @@ class HandleObjective:
             targets=np.zeros((0, 3)),
             weights=np.zeros(0),
             placement=model.placement,
+            limits=model.limits,
         )
 
     def apart(self) -> list[HandleObjective]:
@@ -236,7 +241,21 @@ class HandleObjective:
         """Value at x with handle positions p (H, 3) relative to the centroid."""
         misfit = self._misfit(x, p)
         stiffness, cost = self.stiffness(x)
-        return float((misfit**2).sum() + (stiffness * x**2).sum()) + cost
+        beyond, _ = self.beyond(x)
+        return float((misfit**2).sum() + (stiffness * x**2).sum() + (beyond**2).sum()) + cost
+
+    def beyond(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What bends more than any example, b (..., m), and its derivative (..., m, K) by y.
+
+        Of unknowns (..., K+6); m counts the bends that are outside in any of them.
+        """
+        if self.limits is None:
+            return np.zeros((*x.shape[:-1], 0)), np.zeros((*x.shape[:-1], 0, self.size - 6))
+        every = self.limits.beyond(self.prior.mean + x[..., :-6] @ self.factor.T)
+        some = np.flatnonzero(every.reshape(-1, every.shape[-1]).any(axis=0))
+        slope = self.limits.directions[some] @ self.factor / self.limits.slack[some, None]
+        b = every[..., some]
+        return b, (b != 0)[..., None] * slope
 
     def placed(self, x: FloatArray, p: FloatArray) -> FloatArray:
         """The unknowns x, translated so that the handles' weighted centroid is the targets'."""
@@ -281,6 +300,9 @@ class HandleObjective:
             diagonal = np.einsum("ii->i", H)
             diagonal += stiffness[:active]
             gradient = J.T @ misfit + stiffness[:active] * x[:active]
+            beyond, slope = self.beyond(x)
+            H[: self.size - 6, : self.size - 6] += slope.T @ slope
+            gradient[: self.size - 6] += slope.T @ beyond
             plain = diagonal.copy()
             while True:
                 diagonal[:] = plain * (1.0 + damping)
@@ -332,6 +354,8 @@ class HandleObjective:
         active = self.size if self.rigid else self.size - 6
         J = self._jacobian(x, p, dp)[:, :active]
         H = J.T @ J + np.diag(self.stiffness(x)[0][:active])
+        _, slope = self.beyond(x)
+        H[: self.size - 6, : self.size - 6] += slope.T @ slope
         return np.asarray(np.linalg.inv(H), dtype=np.float64)
 
     def _jacobian(self, x: FloatArray, p: FloatArray, dp: FloatArray) -> FloatArray:

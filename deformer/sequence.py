@@ -295,6 +295,7 @@ class _Problem:
         n = self._active
         own = (self._misfit(window, X, P) ** 2).sum()
         own += (self._prior[window] * X[:, :n] ** 2 @ self._stiffness).sum()
+        own += (self._prior[window] * self._objective.beyond(X)[0] ** 2).sum()
         return float(own + roughness.energy(before[:, :n], X[:, :n], self._stiffness))
 
     def _normal_equations(
@@ -342,6 +343,11 @@ class _Problem:
         gradient = (J.transpose(0, 2, 1) @ misfit)[..., 0] + stiffness * X[:, :n]
         A = J.transpose(0, 2, 1) @ J
         np.einsum("mii->mi", A)[:] += stiffness
+        beyond, slope = objective.beyond(X)
+        weighed = (self._prior[frames, :, None] * slope).transpose(0, 2, 1)
+        K = objective.size - 6
+        A[:, :K, :K] += weighed @ slope
+        gradient[:, :K] += (weighed @ beyond[..., None])[..., 0]
         return A, gradient
 
 

@@ -19,7 +19,7 @@ ORDER = [
     "rotation_field", "dissection", "cholesky", "denoising", "features", "differentials",
     "poisson", "mirroring",
     "autoencoder", "decoder", "losses", "localised", "checkpoints", "training_loop", "training",
-    "factoring", "latent", "placement", "naming", "model",
+    "factoring", "latent", "placement", "limits", "naming", "model",
     "activations", "components", "synthesis", "interpolation",
     "lanes", "packed", "surface", "landmarks", "objective", "basis", "handles",
     "calibration", "learning", "uncertainty",

@@ -143,11 +143,17 @@ def test_energy_by_formula(layers, seed):
     weights = rng.uniform(0.5, 2, len(vertices))
     solver.set_handles(vertices, targets, weights)
     x = rng.normal(size=model.components + 6)
+    x[:-6] *= 5.0  # beyond what the examples bend
     centre = model.reference.vertices.mean(axis=0)
     p = decoded(model, model.prior.mean + model.prior.factor @ x[:-6])[vertices] - centre
     p = Rotation.from_rotvec(x[-6:-3]).apply(p) + centre + D * x[-3:]
     expected = (weights[:, None] * (p - targets) ** 2).sum() / (0.02 * D) ** 2
     expected += (x[:-6] ** 2).sum()
+    limits = model.limits
+    bends = limits.directions @ (model.prior.mean + model.prior.factor @ x[:-6])
+    outside = np.maximum(np.maximum(bends - limits.high, limits.low - bends), 0) / limits.slack
+    assert outside.any()
+    expected += (outside**2).sum()
     rotation, translation = (x[-6:-3] ** 2).sum(), (x[-3:] ** 2).sum()
     near = model.placement
     odds = 2 * np.log(0.99 / 0.01) + 6 * np.log(0.3 / near.rotation / near.translation)

@@ -31,8 +31,12 @@ def diagonal(model):
 
 
 def decoded(model, count=FRAMES, chosen=(1, 3, 5, 8, 10)):
-    """Shapes (count, V, 3) along a smooth path through some of the training codes."""
-    path = CubicSpline(np.linspace(0, 1, len(chosen)), model.codes[list(chosen)])
+    """Shapes (count, V, 3) along a smooth path among the training codes.
+
+    It keeps nearer to the mean than the codes that guide it: a spline swings beyond its points.
+    """
+    guides = 0.3 * model.latent_mean + 0.7 * model.codes[list(chosen)]
+    path = CubicSpline(np.linspace(0, 1, len(chosen)), guides)
     return np.array([model.decode(z) for z in path(np.linspace(0, 1, count))])
 
 
@@ -145,7 +149,8 @@ def test_the_energy_is_that_of_an_independent_optimiser(model, diagonal, smoothn
         moved = p @ R.transpose(0, 2, 1) + t[:, None]
         scaled = np.sqrt(stiffness) * x
         bends = np.sqrt(smoothness) * np.diff(scaled, 2, axis=0)
-        parts = (moved - goals) / (NOISE * diagonal), scaled, bends
+        beyond = model.limits.beyond(z)
+        parts = (moved - goals) / (NOISE * diagonal), scaled, bends, beyond
         return np.concatenate([part.ravel() for part in parts])
 
     best = 2 * least_squares(residuals, x.ravel(), method="lm", max_nfev=2000).cost

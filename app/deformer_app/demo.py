@@ -119,7 +119,8 @@ def record(reference: Mesh, up: str = "y") -> Drag:
 
 def replay(model: DeformationModel, drag: Drag, progress: Callable[[int], None]) -> list[Take]:
     """Feed the drag to a solver as the mouse would; the first take is the pose before any move."""
-    solver = deformer.HandleSolver(model, noise=NOISE)
+    # As the viewer has it: a hand pulls, and handles that hold still say where the body is.
+    solver = deformer.HandleSolver(model, noise=NOISE, freedom=1.0)
     targets = model.reference.vertices[list(drag.vertices)].copy()
     started = perf_counter()
     solver.set_handles(list(drag.vertices), targets)
