@@ -1,4 +1,4 @@
-"""Draw the pictures of the README and of the model cards: drag.png, humanoid.png, flag.png.
+"""Draw the pictures of the README and of the model cards: drag.gif, humanoid.png, flag.png.
 
 python docs/pictures.py docs
 
@@ -28,23 +28,12 @@ PULLS = {
 }
 
 
-def draw_humanoid(path: Path) -> None:
-    """The sheet of `deformer demo`."""
+def draw_humanoid(sheet: Path, animation: Path) -> None:
+    """The sheet and the animation of `deformer demo`."""
     with tempfile.TemporaryDirectory() as folder:
         demo.run("humanoid", Path(folder), lambda done, total: None)
-        shutil.copyfile(Path(folder) / "sheet.png", path)
-
-
-def draw_drag(path: Path) -> None:
-    """Three poses of the demo's drag."""
-    model = deformer.load_model("humanoid")
-    drag = demo.record(model.reference, "z")
-    takes = demo.replay(model, drag, lambda done: None)
-    marked = [
-        (take.vertices, HandleMarks(take.vertices[list(drag.vertices)], take.targets, drag.pinned))
-        for take in (takes[0], takes[demo.REACH_STEPS], takes[-1])
-    ]
-    draw(path, model, marked, (520, 640), azimuth=30)
+        shutil.copyfile(Path(folder) / "sheet.png", sheet)
+        shutil.copyfile(Path(folder) / "drag.gif", animation)
 
 
 def draw_flag(path: Path) -> None:
@@ -78,6 +67,5 @@ def draw(path, model, marked, size, azimuth, titles=None):
 
 if __name__ == "__main__":
     into = Path(sys.argv[1])
-    draw_humanoid(into / "humanoid.png")
-    draw_drag(into / "drag.png")
+    draw_humanoid(into / "humanoid.png", into / "drag.gif")
     draw_flag(into / "flag.png")

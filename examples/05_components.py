@@ -8,18 +8,18 @@ from deformer_app.analysing import heat_maps, title
 from deformer_app.filmstrips import save_sheet
 from deformer_app.pictures import contact_sheet
 
-NAMES = {2: "left elbow", 1: "right elbow", 6: "right knee", 5: "left knee", 8: "squat"}
+NAMES = {8: "left elbow", 7: "right elbow", 19: "left knee", 18: "right knee", 4: "sit"}
 
 
 def main(picture: Path, quick: bool = False) -> list[deformer.Component]:
     """Write the picture; returns the components."""
     model = deformer.load_model("humanoid").named(NAMES)
     analysis = deformer.ComponentAnalysis(model)
-    found = analysis.ranked(2 if quick else 10)
+    found = analysis.ranked(2 if quick else 12)
 
     size = (150, 150) if quick else (400, 420)
     pictures = list(heat_maps(analysis, found, up="z", size=size))
-    save_sheet(picture, contact_sheet(pictures, 5, [title(c) for c in found]))
+    save_sheet(picture, contact_sheet(pictures, 6, [title(c) for c in found]))
     return found
 
 
