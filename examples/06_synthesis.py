@@ -11,14 +11,13 @@ from deformer_app.filmstrips import save_rows
 
 def main(picture: Path, quick: bool = False) -> None:
     """Write the picture."""
-    model = deformer.load_model("humanoid").named({18: "right knee", 5: "left arm up", 8: "left elbow"})
+    names = {18: "right knee", 5: "left arm up", 8: "left elbow"}
+    model = deformer.load_model("humanoid").named(names)
     synthesis = deformer.Synthesis(model)
     steps = np.linspace(0, 1.5, 2 if quick else 7)
 
     rows = {
-        way: np.stack(
-            [synthesis.shape({"right knee": w, "left arm up": w, "left elbow": w}, way) for w in steps]
-        )
+        way: np.stack([synthesis.shape(dict.fromkeys(names.values(), w), way) for w in steps])
         for way in ("latent", "linear")
     }
     titles = {way: [f"{way}, weights {w:.2f}" for w in steps] for way in rows}
