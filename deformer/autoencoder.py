@@ -31,7 +31,8 @@ class ModelConfig:
         method: "factorisation" alternates between codes and components, each the best for the
             other (`factoring.factor`); "gradients" is Adam on the whole network (the paper).
         epochs: steps of Adam, or rounds of the factorisation.
-        sparsity: λ₁, weight of Ω(C); a factorisation's is for data of unit variance.
+        sparsity: λ₁, weight of Ω(C); a factorisation's is for data of unit variance, and None has
+            it chosen by how well examples left out are recovered from a few of their vertices.
         learning_rate: of Adam, as `range_weight` and all from here to `initial` are; its peak
             where `schedule` is "cosine".
         schedule: "constant" (the paper), or "cosine": a short rise, then down to a hundredth.
@@ -56,7 +57,7 @@ class ModelConfig:
     components: int = 50
     layers: tuple[int, ...] = (9,)
     method: str = "gradients"
-    sparsity: float = 2.0
+    sparsity: float | None = 2.0
     range_weight: float = 0.5
     range_limit: float = 5.0
     d_min: float = 0.2
@@ -101,8 +102,10 @@ class ModelConfig:
             )
         if not 0 <= self.pruning < 1:
             raise InputError(f"pruning: expected 0 or more and below 1, got {self.pruning}")
+        if self.sparsity is None and self.method != "factorisation":
+            raise InputError("sparsity: only a factorisation chooses it, got None; give a number")
         for field in ("sparsity", "range_weight", "range_limit", "batch", "mixed_shapes"):
-            if getattr(self, field) < 0:
+            if (getattr(self, field) or 0) < 0:
                 raise InputError(f"{field}: expected 0 or more, got {getattr(self, field)}")
 
     @property
@@ -116,7 +119,7 @@ class ModelConfig:
 
 
 PRESETS: dict[str, ModelConfig] = {
-    "default": ModelConfig(method="factorisation", epochs=50, pruning=0.0),
+    "default": ModelConfig(method="factorisation", epochs=50, sparsity=None, pruning=0.0),
     "paper": ModelConfig(
         name="paper",
         sparsity=0.5,

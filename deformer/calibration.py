@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
 from deformer.geodesics import Geodesics, farthest_points
 from deformer.mesh import FloatArray, IntArray, MeshSequence
 
-# (vertices, targets, noise) to a mesh (V, 3).
-HandleFit = Callable[[IntArray, FloatArray, float], FloatArray]
+# (vertices, targets, noises) to a mesh (V, 3) for every noise, the largest first.
+HandleFit = Callable[[IntArray, FloatArray, Sequence[float]], Iterable[FloatArray]]
 # Handle fit of components that were learned from a few of the training shapes, given by index.
 Learn = Callable[[IntArray], HandleFit]
 
@@ -21,31 +21,50 @@ _COUNTS = (10, 40)
 def choose_noise(
     learn: Learn, shapes: MeshSequence, geodesics: Geodesics, choices: Sequence[float], seed: int
 ) -> float:
-    """The noise by which shapes left out are recovered best from a few of their vertices.
+    """The noise by which shapes left out are recovered best, see `recovery_errors`.
+
+    With fewer than 4 shapes none can be left out, and the middle of the choices is taken.
+    """
+    errors = recovery_errors(learn, shapes, geodesics, choices, seed)
+    return choices[len(choices) // 2 if errors is None else int(errors.argmin())]
+
+
+def recovery_errors(
+    learn: Learn, shapes: MeshSequence, geodesics: Geodesics, choices: Sequence[float], seed: int
+) -> FloatArray | None:
+    """How well shapes left out are recovered from a few of their vertices, by noise.
 
     Three shapes spread over the training shapes are left out (fewer of less than 12), and
     recovered from 10 and from 40 control vertices. The reference, shape 0, is never left out.
-    With fewer than 4 shapes none can be spared, and the middle of the choices is taken.
 
     Args:
         learn: learns from the shapes that are kept.
         shapes: the training shapes.
         geodesics: of the reference.
-        choices: in increasing order.
+        choices: noises, in increasing order.
         seed: of the first control vertex.
+
+    Returns:
+        For every noise the logarithm of the error's root mean square, the mean over the two
+        numbers of control vertices; None where fewer than 4 shapes leave none to spare.
     """
     N, V = shapes.vertices.shape[:2]
     count = min(_LEFT_OUT, N // 4)
     if count == 0:
-        return choices[len(choices) // 2]
+        return None
     left: IntArray = 1 + (np.arange(count) * (N - 1)) // count + (N - 1) // (2 * count)
     fit = learn(np.setdiff1d(np.arange(N), left))
-    score = np.zeros(len(choices))
+    errors = np.zeros(len(choices))
     for control_count in _COUNTS:
         control = farthest_points(geodesics, min(control_count, V), seed)
-        for c, noise in enumerate(choices):
-            square = 0.0
-            for shape in shapes.vertices[left]:
-                square += float(((fit(control, shape[control], noise) - shape) ** 2).sum())
-            score[c] += np.log(max(square, np.finfo(float).tiny))
-    return choices[int(score.argmin())]
+        squares = np.zeros(len(choices))
+        for shape in shapes.vertices[left]:
+            found = fit(control, shape[control], choices[::-1])
+            squares += [((mesh - shape) ** 2).mean() / count for mesh in found]
+        errors += 0.5 * np.log(np.maximum(squares, np.finfo(float).tiny)) / len(_COUNTS)
+    return errors[::-1]
+
+
+def one_by_one(fit: Callable[[IntArray, FloatArray, float], FloatArray]) -> HandleFit:
+    """A handle fit that gains nothing from several noises at a time."""
+    return lambda vertices, targets, noises: (fit(vertices, targets, n) for n in noises)

@@ -16,6 +16,7 @@ import torch
 from torch import Tensor
 
 from deformer.autoencoder import FEATURES, MeshAutoencoder, ModelConfig
+from deformer.errors import InputError
 from deformer.features import FeatureScaler
 from deformer.geodesics import Geodesics
 from deformer.localised import Factorisation, LocalisedSettings
@@ -63,6 +64,8 @@ def factor(
         The network. Ctrl-C ends the training early, after the round under way; the checkpoint is
         saved and the network so far returned.
     """
+    if config.sparsity is None:
+        raise InputError("sparsity: expected a number, got None; `learning.train` chooses one")
     bias = np.arctanh(scaler.scale(_UNDEFORMED))
     data = (np.arctanh(np.clip(x, -_SATURATED, _SATURATED)) - bias).astype(np.float32)
     unit = float(np.sqrt((data**2).mean())) or 1.0

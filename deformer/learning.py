@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from deformer.autoencoder import MeshAutoencoder, ModelConfig, resolve_config
-from deformer.calibration import HandleFit, choose_noise
+from deformer.calibration import HandleFit, recovery_errors
 from deformer.checkpoints import has_checkpoint
 from deformer.decoder import Decoder
 from deformer.denoising import remove_noise
@@ -30,10 +31,13 @@ from deformer.rotations import align
 from deformer.training import fit, resolve_device
 from deformer.training_loop import ProgressCallback, TrainingProgress, TrainingResult
 
-# What the noise of handle fits is chosen from, in bounding diagonals, and the share of the epochs
-# that a training takes which only serves to choose.
-_NOISES = (0.0005, 0.001, 0.002, 0.004, 0.008)
+# What the noise of handle fits, in bounding diagonals, and λ₁ are chosen from; the share of the
+# epochs that a training takes which only serves to choose; and how much better a smaller λ₁ must
+# recover shapes, since it makes components less local.
+_NOISES = (0.00005, 0.0001, 0.0002, 0.0005, 0.001, 0.002, 0.004, 0.008)
+_SPARSITIES = (2.0, 0.3, 0.05, 0.01)
 _TRIAL = 0.3
+_WORTH = 0.15
 
 
 def train(
@@ -72,7 +76,8 @@ def train(
 
     Returns:
         The model. After KeyboardInterrupt it is the best so far, and summary["interrupted"] is
-        True.
+        True; before the training has begun, while features are extracted and settings are
+        chosen, it is raised.
 
     Raises:
         InputError: too few shapes, a bad split, config, device or checkpoint.
@@ -111,6 +116,9 @@ def train(
     scaler = FeatureScaler.fit(q)
     examples = _Examples(MeshSequence(chosen, base.faces), extractor, scaler, scaler.scale(q))
     del q
+    calibrated = settings.method == "factorisation"
+    if calibrated:
+        settings, handle_noise = _calibrated(examples, settings, on_progress)
     result = examples.learn(
         settings,
         seed=seed,
@@ -142,9 +150,7 @@ def train(
         if settings.align:
             held_out = align(held_out, base.vertices)
         summary["test_e_rms"] = e_rms(held_out, model.decode(model.encode(held_out)))
-    if settings.method == "gradients" or result.interrupted:
-        return model
-    return replace(model, handle_noise=_calibrated(examples, settings, on_progress))
+    return replace(model, handle_noise=handle_noise) if calibrated else model
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,27 +218,51 @@ class _Examples:
 
 def _calibrated(
     examples: _Examples, settings: ModelConfig, on_progress: ProgressCallback | None
-) -> float:
-    """The noise of handle fits for unseen shapes, by a shorter training on most examples."""
-    trial = replace(settings, epochs=max(1, round(_TRIAL * settings.epochs)))
+) -> tuple[ModelConfig, float]:
+    """λ₁, where the settings leave it open, and the noise of handle fits for unseen shapes.
+
+    By shorter trainings on most examples, with ever smaller λ₁ while it pays: how many examples
+    there are for a set's degrees of freedom decides how sparse their components have to be.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C; nothing is trained yet.
+    """
 
     def report(progress: TrainingProgress) -> None:
         if on_progress is not None:
             on_progress(TrainingProgress("calibration", progress.done, progress.total))
 
-    def learn(kept: IntArray) -> HandleFit:
-        some = examples.some(kept)
-        network = some.learn(trial, on_progress=report).network
-        solver = HandleSolver(some.model(network, trial, {}, {}))
+    def errors(trial: ModelConfig) -> FloatArray | None:
+        def learn(kept: IntArray) -> HandleFit:
+            some = examples.some(kept)
+            result = some.learn(trial, on_progress=report)
+            if result.interrupted:
+                raise KeyboardInterrupt
+            solver = HandleSolver(some.model(result.network, trial, {}, {}))
 
-        def fit(index: IntArray, targets: FloatArray, noise: float) -> FloatArray:
-            solver.lean(noise=noise)
-            solver.set_handles(index, targets, hard=True)
-            return solver.solve().vertices
+            def fit(
+                index: IntArray, targets: FloatArray, noises: Sequence[float]
+            ) -> Iterator[FloatArray]:
+                solver.set_handles(index, targets, hard=True)
+                for noise in noises:
+                    solver.lean(noise=noise)
+                    # From the last noise on: a tenth of the time, and the same place.
+                    pose = solver.solve() if noise == noises[0] else solver.settle()
+                    yield pose.vertices
 
-        return fit
+            return fit
 
-    return choose_noise(learn, examples.shapes, examples.geodesics, _NOISES, 0)
+        return recovery_errors(learn, examples.shapes, examples.geodesics, _NOISES, 0)
+
+    offered = _SPARSITIES if settings.sparsity is None else (settings.sparsity,)
+    chosen, noise, least = offered[0], _NOISES[-1], np.inf
+    for sparsity in offered:
+        epochs = max(1, round(_TRIAL * settings.epochs))
+        found = errors(replace(settings, sparsity=sparsity, epochs=epochs))
+        if found is None or found.min() > least - _WORTH:
+            break
+        chosen, noise, least = sparsity, _NOISES[int(found.argmin())], found.min()
+    return replace(settings, sparsity=chosen), noise
 
 
 def _without_noise(

@@ -119,6 +119,7 @@ class _Descent:
             group["lr"] = _learning_rate(config, epoch)
         self._optimiser.zero_grad(set_to_none=True)
         estimate, z = network(batch, self._mean)
+        assert config.sparsity is not None  # of "gradients" it never is
         error = losses.reconstruction(batch, estimate)
         sparse = config.sparsity * losses.sparsity(network.C, self._locality.update(network.C))
         spread = config.range_weight * losses.latent_range(z, config.range_limit)

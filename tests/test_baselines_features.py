@@ -13,7 +13,7 @@ from deformer.baselines.acap import AcapSplocs
 from deformer.baselines.autoencoder import Autoencoder
 from deformer.baselines.gradients import GradientSplocs
 from deformer.baselines.linear_components import LinearComponents
-from deformer.calibration import choose_noise
+from deformer.calibration import choose_noise, one_by_one
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor, extract_all, features_to_gradients
 from deformer.geodesics import Geodesics
@@ -278,7 +278,7 @@ def test_noise_is_the_one_that_recovers_shapes_left_out():
         asked.append(kept)
         # Right at 0.2, and worse on either side.
         truth = {tuple(s[:2].ravel()): s for s in shapes.vertices}
-        return lambda h, targets, noise: _with_handles(shapes, h, targets, truth, noise)
+        return one_by_one(lambda h, targets, noise: _with_handles(shapes, h, targets, truth, noise))
 
     def _with_handles(shapes, h, targets, truth, noise):
         shape = min(truth.values(), key=lambda s: ((s[h] - targets) ** 2).sum())

@@ -18,7 +18,7 @@ from deformer.geodesics import Geodesics
 from deformer.localised import Factorisation
 from shapes import sequence
 
-CONFIG = replace(PRESETS["default"], components=4, epochs=12)
+CONFIG = replace(PRESETS["default"], components=4, epochs=12, sparsity=2.0)
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from deformer.baselines._checks import (
 )
 from deformer.baselines._data_driven import DataDrivenDeformation
 from deformer.baselines._gradient_space import GradientSpace
-from deformer.calibration import HandleFit, choose_noise
+from deformer.calibration import HandleFit, choose_noise, one_by_one
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor, FeatureScaler
 from deformer.geodesics import Geodesics
@@ -133,7 +133,7 @@ class GradientSplocsMethod(GradientMethod):
 
         def trial(kept: IntArray) -> HandleFit:
             rounds = min(self.settings.rounds, _ROUNDS_OF_A_TRIAL)
-            return learn(q[kept], replace(self.settings, rounds=rounds)).fit
+            return one_by_one(learn(q[kept], replace(self.settings, rounds=rounds)).fit)
 
         noise = self.noise or choose_noise(trial, shapes, geodesics, NOISES, seed)
         self._take(learn(q, self.settings), noise)

@@ -17,7 +17,7 @@ from deformer.baselines._checks import (
 from deformer.baselines._edge_space import EdgeDeformation, EdgeSpace
 from deformer.baselines._shell import Shell
 from deformer.baselines.method import Space
-from deformer.calibration import HandleFit, choose_noise
+from deformer.calibration import HandleFit, choose_noise, one_by_one
 from deformer.errors import InputError
 from deformer.geodesics import Geodesics
 from deformer.latent import fit_prior
@@ -90,7 +90,7 @@ class EdgeSplocs:
 
         def trial(kept: IntArray) -> HandleFit:
             rounds = min(self.settings.rounds, _ROUNDS_OF_A_TRIAL)
-            return learn(kept, replace(self.settings, rounds=rounds)).fit
+            return one_by_one(learn(kept, replace(self.settings, rounds=rounds)).fit)
 
         self._chosen = self.noise or choose_noise(trial, shapes, geodesics, NOISES, seed)
         self._deformation = learn(np.arange(len(shapes)), self.settings)

@@ -13,7 +13,7 @@ from deformer.baselines._gradient_method import NOISES, GradientMethod
 from deformer.baselines._gradient_space import GradientSpace
 from deformer.baselines.autoencoder import Autoencoder
 from deformer.baselines.method import Space
-from deformer.calibration import HandleFit, choose_noise
+from deformer.calibration import HandleFit, choose_noise, one_by_one
 from deformer.errors import InputError
 from deformer.features import extract_all
 from deformer.latent import fit_prior
@@ -82,7 +82,8 @@ class LinearComponents(GradientMethod):
         codes = space.project(q)
 
         def trial(kept: IntArray) -> HandleFit:
-            return DataDrivenDeformation(space, fit_prior(codes[kept]), codes[kept]).fit
+            prior = fit_prior(codes[kept])
+            return one_by_one(DataDrivenDeformation(space, prior, codes[kept]).fit)
 
         noise = self.noise or choose_noise(trial, shapes, model.geodesics, NOISES, seed)
         self._take(DataDrivenDeformation(space, fit_prior(codes), codes), noise)

@@ -1,0 +1,110 @@
+"""Truths of what a training finds out on shapes that it leaves out of a trial."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deformer import HandleSolver, MeshSequence, learning, train
+from deformer.autoencoder import PRESETS, ModelConfig
+from deformer.calibration import recovery_errors
+from deformer.errors import InputError
+from deformer.factoring import factor
+from deformer.geodesics import Geodesics, farthest_points
+from tests.shapes import bend, sequence, tube, twist
+
+QUICK = replace(PRESETS["default"], components=4, epochs=4, mirrored=False)
+
+
+def test_errors_are_those_of_the_shapes_left_out():
+    """log of the root mean square, by noise; the largest noise is fitted first."""
+    shapes = sequence(12)
+    asked = []
+
+    def learn(kept):
+        left = sorted(set(range(12)) - set(kept.tolist()))
+        assert 0 in kept and len(left) == 3
+
+        def fit(vertices, targets, noises):
+            asked.append((len(vertices), tuple(noises)))
+            (shape,) = [s for s in shapes.vertices[left] if (s[vertices] == targets).all()]
+            return [shape + noise for noise in noises]
+
+        return fit
+
+    noises = (0.1, 0.2, 0.4)
+    errors = recovery_errors(learn, shapes, Geodesics(shapes.mesh(0)), noises, 0)
+    np.testing.assert_allclose(errors, np.log(noises))
+    assert asked == [(count, (0.4, 0.2, 0.1)) for count in (10, 10, 10, 40, 40, 40)]
+    few = shapes.subset([0, 1, 2])
+    assert recovery_errors(learn, few, Geodesics(few.mesh(0)), noises, 0) is None
+
+
+@pytest.mark.parametrize(
+    ("least", "chosen"),
+    [
+        ([-1.0, -1.1], 2.0),  # better, but not by enough to be less sparse
+        ([-1.0, -1.3, -1.4], 0.3),
+        ([-1.0, -1.3, -1.6, -2.0], 0.01),
+    ],
+)
+def test_components_are_less_sparse_only_where_that_recovers_more(least, chosen, monkeypatch):
+    tried = iter(least)
+
+    def scripted(learn, shapes, geodesics, noises, seed):
+        errors = np.full(len(noises), 1.0)
+        errors[2] = next(tried)
+        return errors
+
+    monkeypatch.setattr(learning, "recovery_errors", scripted)
+    model = train(sequence(6), config=QUICK, device="cpu")
+    assert model.config.sparsity == chosen
+    assert model.handle_noise == learning._NOISES[2]
+    assert next(tried, None) is None
+
+
+def test_a_sparsity_that_is_given_is_kept():
+    model = train(sequence(12), config=replace(QUICK, sparsity=1.5), device="cpu")
+    assert model.config.sparsity == 1.5
+
+
+def test_many_clean_examples_of_few_motions_ask_for_less_sparsity():
+    """And are recovered better with it than with the sparsity for a few dozen bodies."""
+    base = tube(8, 15)
+    rng = np.random.default_rng(0)
+    angles = rng.uniform(-1, 1, size=(90, 2))
+    angles[0] = 0
+    poses = np.stack([bend(twist(base.vertices, 0.8 * a), 1.2 * b) for a, b in angles])
+    known, unseen = MeshSequence(poses[:80], base.faces), poses[80:]
+    config = replace(PRESETS["default"], components=20, epochs=30)
+    chosen = train(known, config=config, device="cpu")
+    assert chosen.config.sparsity < 2.0
+    sparse = train(known, config=replace(config, sparsity=2.0), device="cpu")
+    handles = farthest_points(chosen.geodesics, 10, 0)
+    missed = []
+    for model in (chosen, sparse):
+        solver = HandleSolver(model)
+        squares = []
+        for shape in unseen:
+            solver.set_handles(handles, shape[handles], hard=True)
+            squares.append(((solver.solve().vertices - shape) ** 2).mean())
+        missed.append(np.mean(squares))
+    assert missed[0] < 0.8 * missed[1]
+
+
+def test_control_c_while_settings_are_chosen_is_passed_on():
+    def stop(progress):
+        if progress.stage == "calibration":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(sequence(12), config=QUICK, device="cpu", on_progress=stop)
+
+
+def test_only_a_factorisation_within_a_training_chooses():
+    with pytest.raises(InputError, match="sparsity"):
+        ModelConfig(sparsity=None)
+    with pytest.raises(InputError, match="sparsity"):
+        factor(np.zeros((2, 3, 9)), None, None, None, None, QUICK)  # type: ignore[arg-type]
