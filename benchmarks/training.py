@@ -44,7 +44,7 @@ def main() -> None:
     x = scaler.scale(q)
     rings = extractor.indptr, extractor.rings
 
-    config = resolve_config("default", components=options.components)
+    config = resolve_config("default", components=options.components, sparsity=2.0)
     begun = time.perf_counter()
     result = factor(x, scaler, *rings, geodesics, config)
     seconds = time.perf_counter() - begun
