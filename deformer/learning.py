@@ -33,9 +33,9 @@ from deformer.training_loop import ProgressCallback, TrainingProgress, TrainingR
 
 # What the noise of handle fits, in bounding diagonals, and λ₁ are chosen from; the share of the
 # epochs that a training takes which only serves to choose; and how much better a smaller λ₁ must
-# recover shapes, since it makes components less local.
+# recover shapes, since it makes components less local and three shapes do not tell less apart.
 _NOISES = (0.00005, 0.0001, 0.0002, 0.0005, 0.001, 0.002, 0.004, 0.008)
-_SPARSITIES = (2.0, 0.3, 0.05, 0.01)
+_SPARSITIES = (2.0, 0.2, 0.02)
 _TRIAL = 0.3
 _WORTH = 0.15
 
@@ -221,8 +221,8 @@ def _calibrated(
 ) -> tuple[ModelConfig, float]:
     """λ₁, where the settings leave it open, and the noise of handle fits for unseen shapes.
 
-    By shorter trainings on most examples, with ever smaller λ₁ while it pays: how many examples
-    there are for a set's degrees of freedom decides how sparse their components have to be.
+    By shorter trainings on most examples. How many examples there are for a set's degrees of
+    freedom decides how sparse the components have to be: the largest λ₁ that is nearly the best.
 
     Raises:
         KeyboardInterrupt: Ctrl-C; nothing is trained yet.
@@ -255,14 +255,17 @@ def _calibrated(
         return recovery_errors(learn, examples.shapes, examples.geodesics, _NOISES, 0)
 
     offered = _SPARSITIES if settings.sparsity is None else (settings.sparsity,)
-    chosen, noise, least = offered[0], _NOISES[-1], np.inf
-    for sparsity in offered:
-        epochs = max(1, round(_TRIAL * settings.epochs))
-        found = errors(replace(settings, sparsity=sparsity, epochs=epochs))
-        if found is None or found.min() > least - _WORTH:
-            break
-        chosen, noise, least = sparsity, _NOISES[int(found.argmin())], found.min()
-    return replace(settings, sparsity=chosen), noise
+    epochs = max(1, round(_TRIAL * settings.epochs))
+    found = {
+        sparsity: tried
+        for sparsity in offered
+        if (tried := errors(replace(settings, sparsity=sparsity, epochs=epochs))) is not None
+    }
+    if not found:
+        return replace(settings, sparsity=offered[0]), _NOISES[-1]
+    least = min(tried.min() for tried in found.values())
+    chosen = next(s for s, tried in found.items() if tried.min() <= least + _WORTH)
+    return replace(settings, sparsity=chosen), _NOISES[int(found[chosen].argmin())]
 
 
 def _without_noise(

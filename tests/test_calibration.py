@@ -13,7 +13,7 @@ from deformer.calibration import recovery_errors
 from deformer.errors import InputError
 from deformer.factoring import factor
 from deformer.geodesics import Geodesics, farthest_points
-from tests.shapes import bend, sequence, tube, twist
+from shapes import bend, sequence, tube, twist
 
 QUICK = replace(PRESETS["default"], components=4, epochs=4, mirrored=False)
 
@@ -36,6 +36,7 @@ def test_errors_are_those_of_the_shapes_left_out():
 
     noises = (0.1, 0.2, 0.4)
     errors = recovery_errors(learn, shapes, Geodesics(shapes.mesh(0)), noises, 0)
+    assert errors is not None
     np.testing.assert_allclose(errors, np.log(noises))
     assert asked == [(count, (0.4, 0.2, 0.1)) for count in (10, 10, 10, 40, 40, 40)]
     few = shapes.subset([0, 1, 2])
@@ -45,9 +46,10 @@ def test_errors_are_those_of_the_shapes_left_out():
 @pytest.mark.parametrize(
     ("least", "chosen"),
     [
-        ([-1.0, -1.1], 2.0),  # better, but not by enough to be less sparse
-        ([-1.0, -1.3, -1.4], 0.3),
-        ([-1.0, -1.3, -1.6, -2.0], 0.01),
+        ([-1.0, -1.1, -1.1], 2.0),  # better, but not by enough to be less sparse
+        ([-1.0, -1.3, -1.4], 0.2),
+        ([-1.0, -1.1, -1.6], 0.02),
+        ([-1.0, -1.3, -0.9], 0.2),
     ],
 )
 def test_components_are_less_sparse_only_where_that_recovers_more(least, chosen, monkeypatch):
@@ -80,7 +82,7 @@ def test_many_clean_examples_of_few_motions_ask_for_less_sparsity():
     known, unseen = MeshSequence(poses[:80], base.faces), poses[80:]
     config = replace(PRESETS["default"], components=20, epochs=30)
     chosen = train(known, config=config, device="cpu")
-    assert chosen.config.sparsity < 2.0
+    assert (chosen.config.sparsity or 2.0) < 2.0
     sparse = train(known, config=replace(config, sparsity=2.0), device="cpu")
     handles = farthest_points(chosen.geodesics, 10, 0)
     missed = []
