@@ -31,6 +31,8 @@ from deformer.training_loop import (
 
 # Scaled features beyond this count as this much: there the tanh says nothing any more.
 _SATURATED = 0.99
+# Least weight of sparsity far from a component's centre, for data of unit variance.
+_BEYOND = 2.0
 # Features of a vertex that neither turns nor stretches.
 _UNDEFORMED = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
 
@@ -70,7 +72,7 @@ def factor(
     data = (np.arctanh(np.clip(x, -_SATURATED, _SATURATED)) - bias).astype(np.float32)
     unit = float(np.sqrt((data**2).mean())) or 1.0
     data /= unit
-    settings = LocalisedSettings(config.sparsity, config.d_min, config.d_max)
+    settings = LocalisedSettings(config.sparsity, config.d_min, config.d_max, _BEYOND)
     problem = Factorisation(data, geodesics.normalised_row, config.components, settings)
     course = run_training(
         _Rounds(problem),

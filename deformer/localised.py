@@ -35,6 +35,7 @@ class LocalisedSettings:
         sparsity: λ, for data of unit variance.
         d_min, d_max: distance from a component's centre, in the unit of the distances, up to which
             nothing and from which on all of λ is charged.
+        beyond: the least that is charged from d_max on: with a small λ components stay local by it.
         signed: weights lie in [−1, 1], or else in [0, 1]; the largest of a component is 1.
         tolerance: the rounds end when the objective falls by less than this share of itself,
         rounds: or after as many.
@@ -43,6 +44,7 @@ class LocalisedSettings:
     sparsity: float = 2.0
     d_min: float = 0.2
     d_max: float = 0.4
+    beyond: float = 0.0
     signed: bool = True
     tolerance: float = 1e-3
     rounds: int = 50
@@ -159,7 +161,7 @@ class Factorisation:
             left, scale, _ = np.linalg.svd(residual[:, site], full_matrices=False)
             weight = self._largest_one(left[:, 0] * scale[0])
             self.centres[k], locality = site, self._locality(site)
-            self._penalty[k] = self._settings.sparsity * locality
+            self._penalty[k] = self._charge(locality)
             if scale[0] <= _ROUNDING * np.sqrt(len(weight)):
                 continue
             # c_i = (1 − Λ_i) Σ_n w_n r_ni / Σ_n w_n²
@@ -184,7 +186,12 @@ class Factorisation:
         self.W, self.C, self._dual = (state[name].copy() for name in ("W", "C", "dual"))
         self.centres = state["centres"].copy()
         for k, site in enumerate(self.centres.tolist()):
-            self._penalty[k] = self._settings.sparsity * self._locality(site)
+            self._penalty[k] = self._charge(self._locality(site))
+
+    def _charge(self, locality: FloatArray) -> FloatArray:
+        """What each site's length costs, from Λ (M,)."""
+        charge = self._settings.sparsity * locality
+        return np.where(locality < 1.0, charge, np.maximum(charge, self._settings.beyond))
 
     def _locality(self, site: int) -> FloatArray:
         return locality_row(self._distances(site), self._settings.d_min, self._settings.d_max)
@@ -249,7 +256,7 @@ class Factorisation:
         for k, site in enumerate(lengths.argmax(1).tolist()):
             if site == self.centres[k]:
                 continue
-            penalty = self._settings.sparsity * self._locality(site)
+            penalty = self._charge(self._locality(site))
             if penalty @ lengths[k] <= self._penalty[k] @ lengths[k]:
                 self.centres[k], self._penalty[k] = site, penalty
 

@@ -134,6 +134,19 @@ def test_a_larger_charge_gives_smaller_supports():
     assert support[2] < support[1] < 0.95
 
 
+def test_far_from_its_centre_a_component_costs_as_much_whatever_is_charged_near():
+    shares = []
+    for beyond in (0.0, 50.0):
+        settings = LocalisedSettings(sparsity=0.01, d_min=0.1, d_max=0.3, beyond=beyond)
+        found = localised_components(noise(), distances, 6, settings)
+        far = np.array([distances(site) >= 0.3 for site in found.centres])
+        there = np.linalg.norm(found.components, axis=2) > 0
+        shares.append((there[far].mean(), there[~far].mean()))
+        assert (np.diff(found.objective) <= 1e-9 * found.objective[0]).all()
+    assert shares[0][0] > 0.9
+    assert shares[1][0] == 0 and shares[1][1] > 0.9
+
+
 def test_without_a_charge_it_is_a_low_rank_factorisation():
     data = bumps()[2]
     found = localised_components(
