@@ -49,7 +49,7 @@ def recovery_errors(
         numbers of control vertices; None where fewer than 4 shapes leave none to spare.
     """
     N, V = shapes.vertices.shape[:2]
-    count = min(_LEFT_OUT, N // 4)
+    count = _left_out(N)
     if count == 0:
         return None
     left: IntArray = 1 + (np.arange(count) * (N - 1)) // count + (N - 1) // (2 * count)
@@ -63,6 +63,15 @@ def recovery_errors(
             squares += [((mesh - shape) ** 2).mean() / count for mesh in found]
         errors += 0.5 * np.log(np.maximum(squares, np.finfo(float).tiny)) / len(_COUNTS)
     return errors[::-1]
+
+
+def recoveries(shape_count: int) -> int:
+    """How many handle fits `recovery_errors` makes for every noise."""
+    return len(_COUNTS) * _left_out(shape_count)
+
+
+def _left_out(shape_count: int) -> int:
+    return min(_LEFT_OUT, shape_count // 4)
 
 
 def one_by_one(fit: Callable[[IntArray, FloatArray, float], FloatArray]) -> HandleFit:

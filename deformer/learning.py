@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from deformer.autoencoder import MeshAutoencoder, ModelConfig, resolve_config
-from deformer.calibration import HandleFit, recovery_errors
+from deformer.calibration import HandleFit, recoveries, recovery_errors
 from deformer.checkpoints import has_checkpoint
 from deformer.decoder import Decoder
 from deformer.denoising import remove_noise
@@ -31,12 +31,12 @@ from deformer.rotations import align
 from deformer.training import fit, resolve_device
 from deformer.training_loop import ProgressCallback, TrainingProgress, TrainingResult
 
-# What the noise of handle fits, in bounding diagonals, and λ₁ are chosen from; the share of the
-# epochs that a training takes which only serves to choose; and how much better a smaller λ₁ must
-# recover shapes, since it makes components less local and three shapes do not tell less apart.
+# What the noise of handle fits, in bounding diagonals, and λ₁ are chosen from; epochs of a
+# training that only serves to choose; and how much better a smaller λ₁ must recover shapes, since
+# it makes components less sparse and three shapes do not tell less apart.
 _NOISES = (0.00005, 0.0001, 0.0002, 0.0005, 0.001, 0.002, 0.004, 0.008)
 _SPARSITIES = (2.0, 0.2, 0.02)
-_TRIAL = 0.3
+_TRIAL = 15
 _WORTH = 0.15
 
 
@@ -228,9 +228,16 @@ def _calibrated(
         KeyboardInterrupt: Ctrl-C; nothing is trained yet.
     """
 
-    def report(progress: TrainingProgress) -> None:
+    offered = _SPARSITIES if settings.sparsity is None else (settings.sparsity,)
+    epochs = min(_TRIAL, settings.epochs)
+    steps = epochs + recoveries(len(examples.shapes)) * len(_NOISES)
+    done = 0
+
+    def report(_: object) -> None:
+        nonlocal done
+        done += 1
         if on_progress is not None:
-            on_progress(TrainingProgress("calibration", progress.done, progress.total))
+            on_progress(TrainingProgress("calibration", done, len(offered) * steps))
 
     def errors(trial: ModelConfig) -> FloatArray | None:
         def learn(kept: IntArray) -> HandleFit:
@@ -249,13 +256,12 @@ def _calibrated(
                     # From the last noise on: a tenth of the time, and the same place.
                     pose = solver.solve() if noise == noises[0] else solver.settle()
                     yield pose.vertices
+                    report(pose)
 
             return fit
 
         return recovery_errors(learn, examples.shapes, examples.geodesics, _NOISES, 0)
 
-    offered = _SPARSITIES if settings.sparsity is None else (settings.sparsity,)
-    epochs = max(1, round(_TRIAL * settings.epochs))
     found = {
         sparsity: tried
         for sparsity in offered

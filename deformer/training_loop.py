@@ -27,7 +27,7 @@ class TrainingProgress:
     """What a progress callback is told.
 
     `stage` is "features" (done of total shapes), "training" (done of total epochs) or
-    "calibration" (done of total epochs of a trial on fewer shapes); the loss terms are weighted as
+    "calibration" (done of total epochs and handle fits of trials); the loss terms are weighted as
     they enter the loss, and zero outside of training.
     """
 

@@ -9,6 +9,7 @@ from functools import cache
 
 import numpy as np
 
+from deformer.autoencoder import PRESETS
 from deformer.learning import train
 from deformer.mesh import Mesh, MeshSequence
 from deformer.model import DeformationModel
@@ -154,8 +155,10 @@ def sequence(count=12, around=8, rings=15):
 def _trained(shapes, epochs) -> DeformationModel:
     with warnings.catch_warnings():  # of torch, once a process, at the first sparse product
         warnings.simplefilter("ignore")
-        # These few clean shapes would ask for handles much firmer than most sets do.
-        return replace(train(shapes, 6, epochs=epochs, device="cpu"), handle_noise=0.007)
+        # These few clean shapes would ask for components less sparse, and handles much firmer,
+        # than most sets do.
+        config = replace(PRESETS["default"], components=6, epochs=epochs, sparsity=2.0)
+        return replace(train(shapes, config=config, device="cpu"), handle_noise=0.007)
 
 
 @cache

@@ -96,6 +96,14 @@ def test_many_clean_examples_of_few_motions_ask_for_less_sparsity():
     assert missed[0] < 0.8 * missed[1]
 
 
+def test_progress_counts_all_that_trials_do():
+    seen = []
+    train(sequence(12), config=QUICK, device="cpu", on_progress=seen.append)
+    counted = [(p.done, p.total) for p in seen if p.stage == "calibration"]
+    total = 3 * (4 + 6 * 8)  # sparsities, rounds, fits, noises
+    assert counted == [(n, total) for n in range(1, total + 1)]
+
+
 def test_control_c_while_settings_are_chosen_is_passed_on():
     def stop(progress):
         if progress.stage == "calibration":
