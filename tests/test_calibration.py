@@ -100,7 +100,7 @@ def test_progress_counts_all_that_trials_do():
     seen = []
     train(sequence(12), config=QUICK, device="cpu", on_progress=seen.append)
     counted = [(p.done, p.total) for p in seen if p.stage == "calibration"]
-    total = 3 * (4 + 6 * 8)  # sparsities, rounds, fits, noises
+    total = 3 * (4 + 6 * len(learning._NOISES))  # sparsities, rounds, fits, noises
     assert counted == [(n, total) for n in range(1, total + 1)]
 
 
