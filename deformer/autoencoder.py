@@ -32,7 +32,8 @@ class ModelConfig:
             other (`factoring.factor`); "gradients" is Adam on the whole network (the paper).
         epochs: steps of Adam, or rounds of the factorisation.
         sparsity: λ₁, weight of Ω(C); a factorisation's is for data of unit variance, and None has
-            it chosen by how well examples left out are recovered from a few of their vertices.
+            it chosen by how well examples left out are recovered from a few of their vertices. From
+            d_max on a factorisation charges at least 2.
         learning_rate: of Adam, as `range_weight` and all from here to `initial` are; its peak
             where `schedule` is "cosine".
         schedule: "constant" (the paper), or "cosine": a short rise, then down to a hundredth.

@@ -255,7 +255,7 @@ def _calibrated(
                 solver.set_handles(index, targets, hard=True)
                 for noise in noises:
                     solver.lean(noise=noise)
-                    # From the last noise on: a tenth of the time, and the same place.
+                    # On from the last noise: sooner, if now and then in another minimum.
                     pose = solver.solve() if noise == noises[0] else solver.settle()
                     yield pose.vertices
                     report(pose)
