@@ -257,6 +257,8 @@ def _calibrated(
                     solver.lean(noise=noise)
                     # On from the last noise: sooner, if now and then in another minimum.
                     pose = solver.solve() if noise == noises[0] else solver.settle()
+                    # With exact handles relaxed to the end, as a cold solve gives it.
+                    pose = solver.resume(pose.z, pose.rotation, pose.translation)
                     yield pose.vertices
                     report(pose)
 

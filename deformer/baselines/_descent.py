@@ -31,8 +31,18 @@ def damped_step(H: FloatArray, gradient: FloatArray, damping: float) -> FloatArr
 
 P = TypeVar("P", bound=Point)
 
+# A step that leads up is tried again at this share of its length.
+_SHORTER = 0.4
 
-def descend(point: P, limit: int, tolerance: float, damping: float = 1e-3, floor: float = 0.0) -> P:
+
+def descend(
+    point: P,
+    limit: int,
+    tolerance: float,
+    damping: float = 1e-3,
+    floor: float = 0.0,
+    shorter: int = 0,
+) -> P:
     """Follow damped Gauss–Newton steps; the energy never rises.
 
     Args:
@@ -41,6 +51,8 @@ def descend(point: P, limit: int, tolerance: float, damping: float = 1e-3, floor
         tolerance: relative gain of a step that ends the descent.
         damping: of the first step, relative to the diagonal of the normal matrix.
         floor: an energy that counts as none.
+        shorter: how often a step that leads up is shortened before more damping is tried: where
+            a step costs a factorisation, and an energy little.
 
     Returns:
         The last point.
@@ -49,16 +61,27 @@ def descend(point: P, limit: int, tolerance: float, damping: float = 1e-3, floor
         if point.value <= floor:
             break
         while True:
-            there = point.moved(point.step(damping))
-            # Written so that an energy that is not a number counts as a rise.
-            if there.value <= point.value:
+            there, share = _lower(point, point.step(damping), shorter)
+            if there is not None:
                 break
-            damping *= 8.0
+            damping *= 8.0 ** (1 + bool(shorter))
             if damping > 1e6:
                 return point
         gain = point.value - there.value
-        point = there  # type: ignore[assignment]
-        damping = max(damping / 8.0, 1e-9)
-        if gain <= tolerance * point.value:
+        point = there
+        damping = max(damping / 8.0, 1e-9) if share == 1.0 else damping * 8.0
+        if gain <= tolerance * point.value and share == 1.0:
             break
     return point
+
+
+def _lower(point: P, step: FloatArray, shorter: int) -> tuple[P | None, float]:
+    """The first point along a step, made shorter and shorter, that is not above; and its share."""
+    share = 1.0
+    for _ in range(1 + shorter):
+        there = point.moved(share * step)
+        # Written so that an energy that is not a number counts as a rise.
+        if there.value <= point.value:
+            return there, share  # type: ignore[return-value]
+        share *= _SHORTER
+    return None, share

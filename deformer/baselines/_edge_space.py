@@ -10,7 +10,7 @@ from scipy import sparse
 from deformer.baselines._connection import Connection
 from deformer.baselines._descent import damped_step, descend
 from deformer.baselines._gradient_space import faint_pull, least_inverse
-from deformer.baselines._shell import Shell
+from deformer.baselines._shell import SHORTER, Shell
 from deformer.cholesky import SparseCholesky
 from deformer.latent import LatentPrior
 from deformer.mesh import FloatArray, IntArray
@@ -21,8 +21,10 @@ from deformer.surface import schur_inverse
 # Energies' relative gain that ends a reconstruction, and its most steps.
 _TOLERANCE = 1e-4
 _STEPS = 30
-# Fit to vertices.
+# Fit to vertices. Its reconstructions go on from each other and take few steps each: taken to the
+# end they settle in folds of their own, which no change of the weights leads out of.
 _OUTER_STEPS = 12
+_INNER_STEPS = 6
 _OUTER_TOLERANCE = 1e-3
 # Handle fits: examples that are started from, steps from each, and of the best one.
 _STARTS = 2
@@ -127,7 +129,7 @@ class _Closest:
     def moved(self, step: FloatArray) -> _Closest:
         w = self.w + step
         guess = self.p + (step @ self._system()[0]).reshape(-1, 3)
-        p = self.space.shell.closest(self.space.features(w), guess, _STEPS, _TOLERANCE)
+        p = self.space.shell.closest(self.space.features(w), guess, _INNER_STEPS, _TOLERANCE)
         return _Closest(self.space, self.target, self.pull, self.mean, w, laid_on(p, self.target))
 
 
@@ -187,9 +189,9 @@ class EdgeDeformation:
             p = moved[n]
             p[vertices] = targets
             start = _Fit(self, np.flatnonzero(~held), weight, p, self.white[n])
-            found.append(descend(start, _FIRST_STEPS, _HANDLE_TOLERANCE))
+            found.append(descend(start, _FIRST_STEPS, _HANDLE_TOLERANCE, shorter=SHORTER))
         best = min(found, key=lambda point: point.value)
-        return descend(best, _HANDLE_STEPS, _HANDLE_TOLERANCE).p
+        return descend(best, _HANDLE_STEPS, _HANDLE_TOLERANCE, shorter=SHORTER).p
 
 
 @dataclass(eq=False)

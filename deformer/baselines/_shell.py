@@ -28,6 +28,8 @@ _BENDING_RANGE = 0.1, 10.0
 # Stiffness that keeps the six rigid motions in place while solving, relative to the mean diagonal.
 _GROUND = 1e-9
 _ROUNDING = 1e-18
+# Shapes of slivers fold over within a step: such a step is shortened, which needs no factorisation.
+SHORTER = 3
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -216,7 +218,8 @@ class Shell:
         """
         # Below this share of the features' own size what is left is rounding.
         floor = _ROUNDING * float((target**2).sum())
-        return descend(_Reconstruction(self, target, start), limit, tolerance, 1e-6, floor).p
+        start_point = _Reconstruction(self, target, start)
+        return descend(start_point, limit, tolerance, 1e-6, floor, SHORTER).p
 
 
 @dataclass(eq=False)

@@ -34,7 +34,7 @@ NOISE = (0.005, 0.01, 0.02)
 # Control points of the pictures.
 EXAMPLE_COUNT = 20
 # Raised when rows would come out otherwise for the same key.
-_VERSION = 3
+_VERSION = 4
 
 
 @dataclass(frozen=True)

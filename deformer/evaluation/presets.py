@@ -22,6 +22,9 @@ QUICK: dict[str, Any] = {
     "tests": 6,
 }
 
+# Test shapes of each of the paper's data sets but SCAPE: to fit the largest takes minutes a shape.
+_TESTS = 12
+
 # The paper's data sets, as their files may be called; (name, files, options of Source).
 _PAPER_SETS: tuple[tuple[str, tuple[str, ...], dict[str, Any]], ...] = (
     ("scape", ("scape-obj", "scape", "scape.npz"), {"up": "x"}),
@@ -69,7 +72,7 @@ def paper_studies(
     studies = []
     for source in sources:
         base = Study(
-            source, chosen, ("reconstruction", "rotation"), epochs=epochs, tests=tests or 40
+            source, chosen, ("reconstruction", "rotation"), epochs=epochs, tests=tests or _TESTS
         )
         if source.name == "scape":
             studies += _scape(replace(base, tests=tests), coded)
