@@ -67,6 +67,25 @@ def test_components_are_less_sparse_only_where_that_recovers_more(least, chosen,
     assert next(tried, None) is None
 
 
+def test_poses_of_every_noise_are_relaxed_to_the_end(monkeypatch):
+    """So that noises compare: by way of a larger one, a noise gives the pose of a cold solve."""
+    meshes = []
+
+    def scripted(learn, shapes, geodesics, offered, seed):
+        control = farthest_points(geodesics, 6, seed)
+        fit = learn(np.arange(6))
+        # Targets that no example comes near: exact handles have much to do.
+        targets = shapes.vertices[8, control] * [1.0, 1.5, 1.0]
+        for noises in ([0.008, 0.002], [0.002]):
+            meshes.append(list(fit(control, targets, noises))[-1])
+        return np.zeros(len(offered))
+
+    monkeypatch.setattr(learning, "recovery_errors", scripted)
+    train(sequence(12), config=replace(QUICK, sparsity=2.0), device="cpu")
+    later, cold = meshes
+    assert np.abs(later - cold).max() < 5e-3
+
+
 def test_a_sparsity_that_is_given_is_kept():
     model = train(sequence(12), config=replace(QUICK, sparsity=1.5), device="cpu")
     assert model.config.sparsity == 1.5
