@@ -36,7 +36,7 @@ class ModelConfig:
             d_max on a factorisation charges at least 2.
         learning_rate: of Adam, as `range_weight` and all from here to `initial` are; its peak
             where `schedule` is "cosine".
-        schedule: "constant" (the paper), or "cosine": a short rise, then down to a hundredth.
+        schedule: after a short rise "constant" (the paper), or "cosine": down to a hundredth.
         batch: examples drawn for every step; 0 takes all of them (the paper).
         mixed_shapes: shapes mixed from two examples, region by region, that are added to every
             step; 0 trains on the examples alone (the paper).

@@ -232,7 +232,10 @@ def _with_mixed(x: Tensor, mixer: _Mixer | None, count: int) -> Tensor:
 
 
 def _learning_rate(config: ModelConfig, epoch: int) -> float:
+    # All of C moves alike in Adam's first steps: where features have a mean far from zero, full
+    # steps would drive every tanh into saturation, for good.
+    rise = min(1.0, (epoch + 1) / _WARM_UP)
     if config.schedule == "constant":
-        return config.learning_rate
+        return config.learning_rate * rise
     fall = 0.5 * (1.0 + math.cos(math.pi * epoch / config.epochs))
-    return config.learning_rate * (0.01 + 0.99 * fall) * min(1.0, (epoch + 1) / _WARM_UP)
+    return config.learning_rate * (0.01 + 0.99 * fall) * rise
