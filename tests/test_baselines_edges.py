@@ -256,6 +256,17 @@ def test_components_times_weights_are_the_features():
     np.testing.assert_allclose(length, [shell.measure(p)[0] for p in shapes])
 
 
+def test_what_encoding_rebuilt_is_not_rebuilt_by_decoding(monkeypatch):
+    shell, unseen = learned()._learned().space.shell, twist(sequence().vertices[3], 0.2)[None]
+    calls, closest = [], shell.closest
+    monkeypatch.setattr(shell, "closest", lambda *given: calls.append(1) or closest(*given))
+    codes = learned().encode(unseen)
+    first = learned().decode(codes)
+    first[:] = 0.0  # the caller's own
+    assert len(calls) == 1
+    assert e_rms(unseen, learned().decode(codes)) < 0.1 * e_rms(unseen, first)
+
+
 def test_fit_codes_is_closer_than_encode():
     unseen = np.stack([twist(sequence().vertices[2], 0.3), twist(sequence().vertices[8], -0.4)])
     encoded = e_rms(unseen, learned().decode(learned().encode(unseen)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy import sparse
@@ -21,6 +22,8 @@ from deformer.surface import schur_inverse
 # Energies' relative gain that ends a reconstruction, and its most steps.
 _TOLERANCE = 1e-4
 _STEPS = 30
+# Reconstructions that are kept: encoding needs them for the frames, and decoding comes next.
+_KEPT = 64
 # Fit to vertices. Its reconstructions go on from each other and take few steps each: taken to the
 # end they settle in folds of their own, which no change of the weights leads out of.
 _OUTER_STEPS = 12
@@ -55,6 +58,7 @@ class EdgeSpace:
         self.flat = components.reshape(len(components), -1)
         self._inverse = least_inverse(self.flat)
         self.points = np.repeat(shell.reference.vertices, 3, axis=0)
+        self._kept = lru_cache(_KEPT)(self._reconstruct)
 
     def features(self, w: FloatArray) -> FloatArray:
         """Features (E, 2) of weights (K,)."""
@@ -66,7 +70,10 @@ class EdgeSpace:
 
     def decode(self, w: FloatArray) -> FloatArray:
         """Shape (V, 3) of weights (K,), laid as close to the reference as it goes."""
-        features = self.features(w)
+        return self._kept(np.asarray(w, dtype=np.float64).tobytes()).copy()
+
+    def _reconstruct(self, weights: bytes) -> FloatArray:
+        features = self.features(np.frombuffer(weights))
         p = self.connection.shape(features)
         p = self.shell.closest(features, p, _STEPS, _TOLERANCE)
         return laid_on(p, self.shell.reference.vertices)
