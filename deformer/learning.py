@@ -255,10 +255,13 @@ def _calibrated(
                 solver.set_handles(index, targets, hard=True)
                 for noise in noises:
                     solver.lean(noise=noise)
-                    # On from the last noise: sooner, if now and then in another minimum.
-                    pose = solver.solve() if noise == noises[0] else solver.settle()
-                    # With exact handles relaxed to the end, as a cold solve gives it.
-                    pose = solver.resume(pose.z, pose.rotation, pose.translation)
+                    if noise == noises[0]:
+                        pose = solver.solve()
+                    else:
+                        # On from the last noise: sooner, if now and then in another minimum.
+                        pose = solver.settle()
+                        # With exact handles relaxed to the end, as a cold solve gives it.
+                        pose = solver.resume(pose.z, pose.rotation, pose.translation)
                     yield pose.vertices
                     report(pose)
 

@@ -64,13 +64,16 @@ def descend(
             there, share = _lower(point, point.step(damping), shorter)
             if there is not None:
                 break
-            damping *= 8.0 ** (1 + bool(shorter))
+            damping *= 64.0 if shorter else 8.0
             if damping > 1e6:
                 return point
         gain = point.value - there.value
         point = there
-        damping = max(damping / 8.0, 1e-9) if share == 1.0 else damping * 8.0
-        if gain <= tolerance * point.value and share == 1.0:
+        if share < 1.0:
+            damping *= 8.0
+            continue
+        damping = max(damping / 8.0, 1e-9)
+        if gain <= tolerance * point.value:
             break
     return point
 

@@ -218,8 +218,8 @@ class Shell:
         """
         # Below this share of the features' own size what is left is rounding.
         floor = _ROUNDING * float((target**2).sum())
-        start_point = _Reconstruction(self, target, start)
-        return descend(start_point, limit, tolerance, 1e-6, floor, SHORTER).p
+        begun = _Reconstruction(self, target, start)
+        return descend(begun, limit, tolerance, 1e-6, floor, SHORTER).p
 
 
 @dataclass(eq=False)
