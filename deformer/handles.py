@@ -251,6 +251,18 @@ class HandleSolver:
             pose = self._pose(self._state, 0, self._show_afresh(self._state))
         return replace(pose, milliseconds=1000.0 * (time.perf_counter() - begun))
 
+    def relax(self) -> Pose:
+        """The pose of the last solution with exact handles relaxed to the end (see `resume`).
+
+        Raises:
+            InputError: nothing has been solved yet.
+        """
+        x = self.solution
+        if x is None:
+            raise InputError("the solver has no solution yet to relax; call solve first")
+        objective = self._objective
+        return self.resume(objective.code(x), x[-6:-3], objective.diagonal * x[-3:])
+
     def _code(self, z: ArrayLike) -> FloatArray:
         code = np.array(z, dtype=np.float64)
         if code.shape != (self.model.components,) or not np.isfinite(code).all():

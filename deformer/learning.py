@@ -259,9 +259,9 @@ def _calibrated(
                         pose = solver.solve()
                     else:
                         # On from the last noise: sooner, if now and then in another minimum.
-                        pose = solver.settle()
-                        # With exact handles relaxed to the end, as a cold solve gives it.
-                        pose = solver.resume(pose.z, pose.rotation, pose.translation)
+                        solver.settle()
+                        # As a cold solve gives it.
+                        pose = solver.relax()
                     yield pose.vertices
                     report(pose)
 

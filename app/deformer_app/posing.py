@@ -112,7 +112,9 @@ class Poser:
                 break
             yield self._answer(request, pose, False)
         if not request.moving:
-            yield self._answer(request, self._rest(pose), True)
+            # As a function of its code and handles alone; only exact handles are relaxed.
+            exact = any(handle.hard for handle in self._solver.handles)
+            yield self._answer(request, self._solver.relax() if exact else pose, True)
 
     def begin(self, edit: Edit, solution: Solution | None = None) -> Pose:
         """The pose of an edit: a known one, or one step from the last."""
@@ -130,12 +132,6 @@ class Poser:
     def settle(self, edit: Edit) -> Pose:
         """The final pose of an edit, as a window would show it after the mouse is released."""
         return list(self(Request(edit)))[-1].pose
-
-    def _rest(self, pose: Pose) -> Pose:
-        """The pose as a function of its code and handles alone; see HandleSolver.resume."""
-        if not any(handle.hard for handle in self._solver.handles):
-            return pose
-        return self._solver.resume(pose.z, pose.rotation, pose.translation)
 
     def _take(self, edit: Edit) -> None:
         """Bring what has changed since the last edit to the solver."""
