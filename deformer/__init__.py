@@ -6,7 +6,7 @@ from deformer.components import Component, ComponentAnalysis
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor, FeatureScaler, extract_features, vertex_normals
 from deformer.geodesics import Geodesics, farthest_points
-from deformer.handles import Handle, HandleSolver, Pose
+from deformer.handles import HandleSolver
 from deformer.interpolation import ShapePath, interpolate
 from deformer.io import load_mesh, load_shapes, save_mesh, save_shapes
 from deformer.learning import train
@@ -14,6 +14,7 @@ from deformer.mesh import Mesh, MeshSequence
 from deformer.metrics import e_rms
 from deformer.model import DeformationModel, load_model, save_names, shipped_models
 from deformer.poisson import PoissonSystem, reconstruct
+from deformer.poses import Handle, Pose
 from deformer.sequence import SequenceFit, fit_sequence
 from deformer.strain import FaceStrain
 from deformer.symmetry import Symmetry, find_symmetry, symmetry_about

@@ -21,9 +21,9 @@ ORDER = [
     "autoencoder", "decoder", "losses", "localised", "checkpoints", "training_loop", "training",
     "factoring", "latent", "placement", "limits", "naming", "model",
     "activations", "components", "synthesis", "interpolation",
-    "lanes", "packed", "surface", "landmarks", "objective", "basis", "handles",
+    "lanes", "packed", "surface", "landmarks", "objective", "basis", "poses", "handles",
     "calibration", "learning", "uncertainty",
-    "frames", "torch_frames", "sequence", "baselines", "evaluation",
+    "frames", "torch_frames", "roughness", "sequence", "baselines", "evaluation",
 ]  # fmt: skip
 RANK = {name: index for index, name in enumerate(ORDER)}
 

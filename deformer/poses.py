@@ -1,0 +1,99 @@
+"""What is asked of a pose, and a pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deformer.errors import InputError
+from deformer.mesh import FloatArray, IntArray
+from deformer.model import DeformationModel
+
+
+@dataclass(frozen=True)
+class Handle:
+    """A vertex that the user controls.
+
+    Args:
+        vertex: index.
+        target: (3,) position asked for.
+        weight: factor on its squared distance; 1 is a normal handle.
+        hard: meet the target exactly.
+    """
+
+    vertex: int
+    target: tuple[float, float, float]
+    weight: float = 1.0
+    hard: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """A solution.
+
+    Args:
+        vertices: (V, 3) positions.
+        z: (K,) latent code.
+        rotation: (3,) rotation vector of the rigid motion, about the reference's centroid.
+        translation: (3,) of the rigid motion.
+        residual: (H,) distances from handle to target, in the order of the handles.
+        iterations: Gauss–Newton steps taken, all starts together.
+        milliseconds: time of the solve.
+        prior_distance: Mahalanobis distance of z from the training codes' mean.
+        energy: minimised value.
+    """
+
+    vertices: FloatArray
+    z: FloatArray
+    rotation: FloatArray
+    translation: FloatArray
+    residual: FloatArray
+    iterations: int
+    milliseconds: float
+    prior_distance: float
+    energy: float
+
+
+def check_handles(
+    model: DeformationModel,
+    vertices: ArrayLike,
+    targets: ArrayLike,
+    weights: ArrayLike | None,
+    hard: ArrayLike,
+) -> tuple[IntArray, FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Handles as arrays: vertices (H,), targets (H, 3), weights (H,), hard (H,).
+
+    Raises:
+        InputError: an index out of range, a target that is not finite, lengths that differ.
+    """
+    index = np.asarray(vertices)
+    if index.size == 0:
+        index = index.astype(np.int64).reshape(0)
+    goals = np.asarray(targets, dtype=np.float64)
+    if index.size == 0:
+        goals = goals.reshape(-1, 3)
+    V = len(model.reference.vertices)
+    if index.ndim != 1 or not np.issubdtype(index.dtype, np.integer):
+        raise InputError(f"vertices: expected (H,) integers, got {index.dtype} {index.shape}")
+    H = len(index)
+    if goals.shape != (H, 3):
+        raise InputError(f"targets: expected ({H}, 3), one a handle, got {goals.shape}")
+    factors = np.ones(H) if weights is None else np.asarray(weights, dtype=np.float64)
+    exact = np.asarray(hard, dtype=bool)
+    if exact.ndim == 0:
+        exact = np.broadcast_to(exact, (H,))
+    for name, array in (("weights", factors), ("hard", exact)):
+        if array.shape != (H,):
+            raise InputError(f"{name}: expected ({H},), one a handle, got {array.shape}")
+    for h in range(H):
+        if not 0 <= index[h] < V:
+            raise InputError(
+                f"handle {h}: vertex {index[h]} does not exist; the mesh has 0…{V - 1}"
+            )
+        if not np.isfinite(goals[h]).all():
+            raise InputError(f"handle {h}: target {goals[h].tolist()} is not finite")
+        if not (np.isfinite(factors[h]) and factors[h] > 0):
+            raise InputError(f"handle {h}: weight {factors[h]} is not a positive number")
+    return index, goals, factors, exact
