@@ -17,7 +17,7 @@ def main(picture: Path, quick: bool = False) -> list[deformer.Component]:
     analysis = deformer.ComponentAnalysis(model)
     found = analysis.ranked(2 if quick else 12)
 
-    size = (150, 150) if quick else (400, 420)
+    size = (300, 160) if quick else (400, 420)
     pictures = list(heat_maps(analysis, found, up="z", size=size))
     save_sheet(picture, contact_sheet(pictures, 6, [title(c) for c in found]))
     return found

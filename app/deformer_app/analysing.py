@@ -76,7 +76,7 @@ def heat_maps(
 ) -> Iterator[Picture]:
     """Every component's representative shape, coloured by how its features change.
 
-    One camera and one scale of colours for all.
+    One camera and one scale of colours for all; pictures are wider than BAR.
     """
     layers = _layers(analysis, found)
     seen = np.stack([layer.mesh.vertices for layer in layers])
