@@ -388,7 +388,7 @@ class ComponentPanel(QScrollArea):
         for k, (slider, value) in self._rows.items():
             low, high = self._limits(k)
             _set(slider, _STEPS * (float(code[k]) - low) / (high - low))
-            value.setText(f"{code[k]:.2f}")
+            value.setText(f"{code[k]:z.2f}")
             self._names[k].setChecked(self._editor.look.colour == f"component:{k}")
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
