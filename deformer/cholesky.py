@@ -17,7 +17,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 
-from deformer.dissection import dissect
+from deformer.dissection import Dissection, dissect
 from deformer.mesh import FloatArray, IntArray
 from deformer.parallel import CORES, together
 
@@ -226,26 +226,31 @@ class SparseCholesky:
     Args:
         matrix: A.
         points: (n, 3) where the rows are in space; decides the order of elimination.
+        plan: of an earlier factor; taken over if A has its entries in the same places.
 
     Raises:
         numpy.linalg.LinAlgError: A is not positive definite, or not finite.
     """
 
-    def __init__(self, matrix: sparse.sparray, points: FloatArray) -> None:
+    def __init__(
+        self, matrix: sparse.sparray, points: FloatArray, plan: Dissection | None = None
+    ) -> None:
         """Order and factor `matrix`."""
         A = sparse.csr_array(matrix)
         indptr, indices = A.indptr.astype(np.int64), A.indices.astype(np.int64)
-        parts = min(CORES, len(points) // _SMALLEST_PART)
-        depth = max(0, int(np.ceil(np.log2(max(parts, 1)))))
-        plan = dissect(indptr, indices, np.asarray(points, dtype=np.float64), depth)
+        if plan is None or not plan.suits(indptr, indices):
+            parts = min(CORES, len(points) // _SMALLEST_PART)
+            depth = max(0, int(np.ceil(np.log2(max(parts, 1)))))
+            plan = dissect(indptr, indices, np.asarray(points, dtype=np.float64), depth)
+        self.plan = plan
         self.order: IntArray = plan.order
         self.place: IntArray = plan.place
         self._tasks = plan.tasks
         # Rows from here on are touched by several tasks.
         self._begin = int(plan.starts[plan.tasks[-1]])
-        self._plan = plan.starts, plan.bounds, plan.rows
+        self._nodes = plan.starts, plan.bounds, plan.rows
         self._slices, self._blocks = _factor(
-            indptr, indices, A.data, plan.order, plan.place, *self._plan, plan.parent
+            indptr, indices, A.data, plan.order, plan.place, *self._nodes, plan.parent
         )
 
     @cached_property
@@ -256,7 +261,7 @@ class SparseCholesky:
     @cached_property
     def _lower(self) -> tuple[NDArray, NDArray]:
         """The lower parts of the blocks by column, in single precision, and their slices."""
-        starts, bounds, _ = self._plan
+        starts, bounds, _ = self._nodes
         return _columns_of_below(starts, bounds, self._slices, self._single)
 
     def supernodes(self) -> Iterator[tuple[int, int, NDArray, NDArray]]:
@@ -266,7 +271,7 @@ class SparseCholesky:
         x[first:last] on the way forward; on the way back x[first:last] is its transpose times
         those and x[rows].
         """
-        starts, bounds, rows = self._plan
+        starts, bounds, rows = self._nodes
         for s, (first, last) in enumerate(pairwise(starts.tolist())):
             block = self._single[self._slices[s] : self._slices[s + 1]]
             yield first, last, rows[bounds[s] : bounds[s + 1]], block.reshape(-1, last - first)
@@ -294,14 +299,14 @@ class SparseCholesky:
     def _sweep(self, x: NDArray, forward: Any, lower: Any, backward: Any, upper: Any) -> None:
         """Forward through the tasks, then the rows that they share; back the other way."""
         tasks, begin, n = self._tasks, self._begin, len(x)
-        nodes = len(self._plan[0]) - 1
+        nodes = len(self._nodes[0]) - 1
         tails = np.zeros((len(tasks) - 1, n - begin, x.shape[1]), dtype=x.dtype)
         ranges = list(pairwise(tasks.tolist()))
         together(
             forward,
-            [(*r, begin, *self._plan, *lower, x, t) for r, t in zip(ranges, tails, strict=True)],
+            [(*r, begin, *self._nodes, *lower, x, t) for r, t in zip(ranges, tails, strict=True)],
         )
         x[begin:] += tails.sum(axis=0)
-        forward(tasks[-1], nodes, n, *self._plan, *lower, x, tails[0])
-        backward(tasks[-1], nodes, *self._plan, *upper, x)
-        together(backward, [(*r, *self._plan, *upper, x) for r in ranges])
+        forward(tasks[-1], nodes, n, *self._nodes, *lower, x, tails[0])
+        backward(tasks[-1], nodes, *self._nodes, *upper, x)
+        together(backward, [(*r, *self._nodes, *upper, x) for r in ranges])

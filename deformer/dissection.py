@@ -184,6 +184,7 @@ class Dissection:
     """Supernodes of a symmetric sparse matrix.
 
     Args:
+        indptr, indices: where the matrix has entries, its rows compressed.
         order: (n,) the old index at every place of the elimination.
         place: (n,) its inverse.
         starts: (N + 1,) supernode s holds the places starts[s]…starts[s + 1] − 1.
@@ -194,6 +195,8 @@ class Dissection:
             from tasks[P] on come after all of them.
     """
 
+    indptr: IntArray
+    indices: IntArray
     order: IntArray
     place: IntArray
     starts: IntArray
@@ -201,6 +204,10 @@ class Dissection:
     rows: NDArray[np.int32]
     parent: IntArray
     tasks: IntArray
+
+    def suits(self, indptr: IntArray, indices: IntArray) -> bool:
+        """Whether a matrix has its entries in the very same places."""
+        return np.array_equal(indptr, self.indptr) and np.array_equal(indices, self.indices)
 
 
 def dissect(indptr: IntArray, indices: IntArray, points: FloatArray, depth: int) -> Dissection:
@@ -222,4 +229,4 @@ def dissect(indptr: IntArray, indices: IntArray, points: FloatArray, depth: int)
     place[order] = np.arange(len(order))
     bounds, rows, parent = _boundaries(indptr, indices, place, order, starts)
     tasks = np.searchsorted(rank, np.arange(last + 1))
-    return Dissection(order, place, starts, bounds, rows, parent, tasks)
+    return Dissection(indptr, indices, order, place, starts, bounds, rows, parent, tasks)

@@ -49,6 +49,21 @@ def weighted_laplacian(mesh, spread, rng):
 
 
 @NAMES
+def test_a_plan_is_taken_over_where_entries_keep_their_places(name):
+    first, A = factor(name), definite(name)
+    b = np.random.default_rng(2).normal(size=(A.shape[0], 2))
+    same = SparseCholesky(A + sparse.diags_array(A.diagonal()), GRAPHS[name][2], first.plan)
+    assert same.plan is first.plan
+    double = A.toarray() + np.diag(A.diagonal())
+    close(same.solve(b), np.linalg.solve(double, b))
+    # Another graph, for which the plan is wrong.
+    other = sparse.csr_array(sparse.diags_array(A.diagonal()))
+    found = SparseCholesky(other, GRAPHS[name][2], first.plan)
+    close(found.solve(b), b / A.diagonal()[:, None])
+    assert (found.plan is first.plan) == (A.nnz == other.nnz)
+
+
+@NAMES
 def test_solution_is_that_of_a_dense_solve(name):
     found, A = factor(name), definite(name).toarray()
     b = np.random.default_rng(1).normal(size=(len(A), 131))
@@ -114,7 +129,7 @@ def test_threads_share_a_factor(many_tasks):
 def test_a_task_writes_only_its_own_rows(many_tasks, monkeypatch):
     """What several would write to, each keeps apart."""
     found = factor("ball")
-    n, starts = len(found.order), found._plan[0]
+    n, starts = len(found.order), found._nodes[0]
     checked = []
 
     def one_by_one(kernel, calls):
@@ -182,7 +197,7 @@ def test_a_matrix_that_is_indefinite_only_as_a_whole_is_refused():
 def test_bytes_of_a_solve():
     """Blocks (w + m, w) and their lower parts (m, w) once more, of four bytes."""
     found = factor("ball")
-    starts, bounds, _ = found._plan
+    starts, bounds, _ = found._nodes
     w, m = np.diff(starts), np.diff(bounds)
     assert found.bytes_of_a_solve == 4 * (w * (w + 2 * m)).sum()
 

@@ -12,7 +12,6 @@ from deformer.baselines._connection import Connection
 from deformer.baselines._descent import damped_step, descend
 from deformer.baselines._gradient_space import faint_pull, least_inverse
 from deformer.baselines._shell import SHORTER, Shell
-from deformer.cholesky import SparseCholesky
 from deformer.latent import LatentPrior
 from deformer.mesh import FloatArray, IntArray
 from deformer.poisson import PoissonSystem
@@ -57,7 +56,6 @@ class EdgeSpace:
         self.base, self.components = base, components
         self.flat = components.reshape(len(components), -1)
         self._inverse = least_inverse(self.flat)
-        self.points = np.repeat(shell.reference.vertices, 3, axis=0)
         self._kept = lru_cache(_KEPT)(self._reconstruct)
 
     def features(self, w: FloatArray) -> FloatArray:
@@ -85,7 +83,7 @@ class EdgeSpace:
         pushes along a rigid motion, so there is none in it.
         """
         J, H = self.shell.normal_matrix(p)
-        change = SparseCholesky(H, self.points).solve(J.T @ self.flat.T).T
+        change = self.shell.factor(H).solve(J.T @ self.flat.T).T
         return change.reshape(len(self.flat), -1, 3)
 
     def closest(self, target: FloatArray, w: FloatArray, prior: LatentPrior) -> FloatArray:
@@ -188,7 +186,7 @@ class EdgeDeformation:
             pull = inverse[:-1, :-1] @ d
             moved.append(laid + green.T @ pull + inverse[-1, :-1] @ d)
             force.append(float(np.vdot(pull, d)))
-        held = np.zeros(len(self.space.points), dtype=bool)
+        held = np.zeros(self.space.shell.reference.vertices.size, dtype=bool)
         held.reshape(-1, 3)[vertices] = True
         weight = 1.0 / (noise**2 * len(self.space.base))
         found = []
@@ -225,7 +223,7 @@ class _Fit:
         slopes = self.deformation.slopes
         damped = H + sparse.diags_array(damping * H.diagonal())
         # H x + B y = right, Bᵀ x + D y = below: x is eliminated.
-        factor = SparseCholesky(damped, self.deformation.space.points[self.free])
+        factor = self.deformation.space.shell.factor(damped, self.free)
         solved = factor.solve(np.column_stack([B, right]))
         D = slopes @ slopes.T + np.eye(len(slopes)) / self.weight
         D += damping * np.diag(np.diag(D))

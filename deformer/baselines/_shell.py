@@ -16,6 +16,7 @@ from scipy import sparse
 
 from deformer.baselines._descent import descend
 from deformer.cholesky import SparseCholesky
+from deformer.dissection import Dissection
 from deformer.errors import InputError
 from deformer.mesh import FloatArray, IntArray, Mesh
 
@@ -157,6 +158,8 @@ class Shell:
         bending = np.where(self.inner, np.clip(bending, *_BENDING_RANGE), 0.0)
         self.unit = np.column_stack([np.sqrt(_STRETCH) / self.rest_lengths, np.sqrt(bending)])
         self._pattern = self._entries()
+        self._points = np.repeat(v, 3, axis=0)
+        self._plan: Dissection | None = None
 
     def measure(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Lengths (E,) and dihedral angles (E,) in (−π, π], 0 on boundaries, of vertices (V, 3)."""
@@ -209,6 +212,16 @@ class Shell:
         H = sparse.csr_array(J.T @ J)
         return J, H + sparse.diags_array(np.full(p.size, _GROUND * H.diagonal().mean()))
 
+    def factor(self, H: sparse.sparray, free: IntArray | None = None) -> SparseCholesky:
+        """Factor of a normal matrix, damped or not, or of its `free` rows and columns.
+
+        As long as its entries stay in their places the order of elimination is not sought again.
+        """
+        points = self._points if free is None else self._points[free]
+        factor = SparseCholesky(H, points, self._plan)
+        self._plan = factor.plan
+        return factor
+
     def closest(
         self, target: FloatArray, start: FloatArray, limit: int = 30, tolerance: float = 1e-5
     ) -> FloatArray:
@@ -241,8 +254,7 @@ class _Reconstruction:
             self._normal = H, J.T @ self.residual.ravel()
         H, gradient = self._normal
         damped = H + sparse.diags_array(damping * H.diagonal())
-        points = np.repeat(self.shell.reference.vertices, 3, axis=0)
-        return -SparseCholesky(damped, points).solve(gradient[:, None]).reshape(-1, 3)
+        return -self.shell.factor(damped).solve(gradient[:, None]).reshape(-1, 3)
 
     def moved(self, step: FloatArray) -> _Reconstruction:
         return _Reconstruction(self.shell, self.target, self.p + step)
