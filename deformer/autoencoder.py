@@ -40,8 +40,8 @@ class ModelConfig:
         batch: examples drawn for every step; 0 takes all of them (the paper).
         mixed_shapes: shapes mixed from two examples, region by region, that are added to every
             step; 0 trains on the examples alone (the paper).
-        initial: "random" weights (the paper), or "pca": the principal components of the first
-            layer's output.
+        initial: "random" weights, or "pca": the principal components of the first layer's output;
+            the paper does not say.
         pruning: after training, weights ‖C_k^i‖ below this share of component k's largest become
             zero, so that supports end somewhere; 0 keeps all (the paper).
         encoder: of shapes, once the network is trained: the "network"'s own (the paper), or
