@@ -245,7 +245,6 @@ class SparseCholesky:
         self.plan = plan
         self.order: IntArray = plan.order
         self.place: IntArray = plan.place
-        self._tasks = plan.tasks
         # Rows from here on are touched by several tasks.
         self._begin = int(plan.starts[plan.tasks[-1]])
         self._nodes = plan.starts, plan.bounds, plan.rows
@@ -298,8 +297,8 @@ class SparseCholesky:
 
     def _sweep(self, x: NDArray, forward: Any, lower: Any, backward: Any, upper: Any) -> None:
         """Forward through the tasks, then the rows that they share; back the other way."""
-        tasks, begin, n = self._tasks, self._begin, len(x)
-        nodes = len(self._nodes[0]) - 1
+        tasks, begin, n = self.plan.tasks, self._begin, len(x)
+        last = len(self.plan.starts) - 1
         tails = np.zeros((len(tasks) - 1, n - begin, x.shape[1]), dtype=x.dtype)
         ranges = list(pairwise(tasks.tolist()))
         together(
@@ -307,6 +306,6 @@ class SparseCholesky:
             [(*r, begin, *self._nodes, *lower, x, t) for r, t in zip(ranges, tails, strict=True)],
         )
         x[begin:] += tails.sum(axis=0)
-        forward(tasks[-1], nodes, n, *self._nodes, *lower, x, tails[0])
-        backward(tasks[-1], nodes, *self._nodes, *upper, x)
+        forward(tasks[-1], last, n, *self._nodes, *lower, x, tails[0])
+        backward(tasks[-1], last, *self._nodes, *upper, x)
         together(backward, [(*r, *self._nodes, *upper, x) for r in ranges])

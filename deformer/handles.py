@@ -197,16 +197,10 @@ class HandleSolver:
             z: (K,) latent code.
             rotation, translation: (3,) rigid motion, as in `Pose`.
         """
-        begun = time.perf_counter()
         objective = self._objective
         move = np.asarray(translation, dtype=np.float64) / objective.diagonal
-        x = objective.unknowns(self._code(z), np.asarray(rotation, dtype=np.float64), move)
-        with one_blas_thread():
-            self._surface.reset()
-            self._correction = self._corrected_at = self._asked = None
-            self._state, self._located = self._evaluate(x), True
-            pose = self._pose(self._state, 0, self._show_afresh(self._state))
-        return replace(pose, milliseconds=1000.0 * (time.perf_counter() - begun))
+        turn = np.asarray(rotation, dtype=np.float64)
+        return self._take_up(objective.unknowns(self._code(z), turn, move))
 
     def relax(self) -> Pose:
         """The pose of the last solution with exact handles relaxed to the end (see `resume`).
@@ -214,11 +208,19 @@ class HandleSolver:
         Raises:
             InputError: nothing has been solved yet.
         """
-        x = self.solution
-        if x is None:
+        if self._state is None:
             raise InputError("the solver has no solution yet to relax; call solve first")
-        objective = self._objective
-        return self.resume(objective.code(x), x[-6:-3], objective.diagonal * x[-3:])
+        return self._take_up(self._state.x)
+
+    def _take_up(self, x: FloatArray) -> Pose:
+        """The pose of unknowns x (K+6,), whatever led there, as the last solution."""
+        begun = time.perf_counter()
+        with one_blas_thread():
+            self._surface.reset()
+            self._correction = self._corrected_at = self._asked = None
+            self._state, self._located = self._evaluate(x), True
+            pose = self._pose(self._state, 0, self._show_afresh(self._state))
+        return replace(pose, milliseconds=1000.0 * (time.perf_counter() - begun))
 
     def _code(self, z: ArrayLike) -> FloatArray:
         code = np.array(z, dtype=np.float64)

@@ -188,7 +188,7 @@ class PoissonSystem:
         # A vertex of slivers only still has a weight.
         areas = np.maximum(areas, 1e-6 * (total or 1.0) / len(v))
         screen = sparse.diags_array(_TENSION * areas / (total or 1.0))
-        return SparseCholesky(self.laplacian + screen, v)
+        return SparseCholesky(self.laplacian + screen, v, self.factor.plan)
 
     def bending_rows(self, vertices: ArrayLike, green: FloatArray) -> FloatArray:
         """Green's functions (H, V) of a thin plate under tension, K = L A⁻¹ L / α + L.

@@ -68,12 +68,9 @@ def check_handles(
     Raises:
         InputError: an index out of range, a target that is not finite, lengths that differ.
     """
-    index = np.asarray(vertices)
+    index, goals = np.asarray(vertices), np.asarray(targets, dtype=np.float64)
     if index.size == 0:
-        index = index.astype(np.int64).reshape(0)
-    goals = np.asarray(targets, dtype=np.float64)
-    if index.size == 0:
-        goals = goals.reshape(-1, 3)
+        index, goals = index.astype(np.int64).reshape(0), goals.reshape(-1, 3)
     V = len(model.reference.vertices)
     if index.ndim != 1 or not np.issubdtype(index.dtype, np.integer):
         raise InputError(f"vertices: expected (H,) integers, got {index.dtype} {index.shape}")

@@ -7,6 +7,9 @@ from scipy.linalg import solveh_banded
 
 from deformer.mesh import FloatArray
 
+# A row of D: the second difference.
+_SECOND = (1.0, -2.0, 1.0)
+
 
 class Roughness:
     """Σ_f ‖x_{f−1} − 2 x_f + x_{f+1}‖² over m frames, with up to two fixed ones before them.
@@ -20,14 +23,12 @@ class Roughness:
     def __init__(self, fixed: int, count: int, weight: float) -> None:
         """Assemble the matrix DᵀD of second differences."""
         total = fixed + count
-        D = np.zeros((max(total - 2, 0), 3))
-        D[:] = [1.0, -2.0, 1.0]
+        rows = max(total - 2, 0)
         # Diagonals 0, 1 and 2 of DᵀD, weight included.
         self._diagonals = np.zeros((3, total))
-        for row in range(len(D)):
-            for a in range(3):
-                for b in range(a, 3):
-                    self._diagonals[b - a, row + a] += weight * D[row, a] * D[row, b]
+        for a, left in enumerate(_SECOND):
+            for b, right in enumerate(_SECOND[a:]):
+                self._diagonals[b, a : a + rows] += weight * left * right
         self._fixed, self._weight = fixed, weight
 
     def energy(self, before: FloatArray, X: FloatArray, scale: FloatArray) -> float:

@@ -94,8 +94,8 @@ def test_tasks_give_what_one_gives(name, many_tasks, monkeypatch):
     parts = factor(name)
     monkeypatch.setattr(deformer.cholesky, "CORES", 1)
     whole = factor(name)
-    assert len(whole._tasks) == 2
-    assert len(parts._tasks) == 5
+    assert len(whole.plan.tasks) == 2
+    assert len(parts.plan.tasks) == 5
     b = np.random.default_rng(3).normal(size=(len(parts.order), 7))
     close(parts.solve(b), whole.solve(b))
     for columns in (3, 7):
