@@ -19,7 +19,8 @@ from rich.console import Console
 from rich.progress import Progress
 
 from deformer import losses
-from deformer.autoencoder import MeshAutoencoder, resolve_config
+from deformer.autoencoder import MeshAutoencoder
+from deformer.config import resolve_config
 from deformer.decoder import Decoder
 from deformer.factoring import factor
 from deformer.features import FeatureExtractor, FeatureScaler, extract_all

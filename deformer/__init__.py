@@ -1,21 +1,23 @@
 """Deformer: drag a few points of a mesh; a prior learned from example shapes moves the rest."""
 
 from deformer.activations import Activations, Familiarity
-from deformer.autoencoder import ModelConfig
 from deformer.components import Component, ComponentAnalysis
+from deformer.config import ModelConfig
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor, FeatureScaler, extract_features, vertex_normals
-from deformer.geodesics import Geodesics, farthest_points
+from deformer.geodesics import Geodesics
 from deformer.handles import HandleSolver
 from deformer.interpolation import ShapePath, interpolate
 from deformer.io import load_mesh, load_shapes, save_mesh, save_shapes
 from deformer.learning import train
 from deformer.mesh import Mesh, MeshSequence
 from deformer.metrics import e_rms
-from deformer.model import DeformationModel, load_model, save_names, shipped_models
+from deformer.model import DeformationModel
 from deformer.poisson import PoissonSystem, reconstruct
 from deformer.poses import Handle, Pose
+from deformer.sampling import farthest_points
 from deformer.sequence import SequenceFit, fit_sequence
+from deformer.storage import load_model, save_names, shipped_models
 from deformer.strain import FaceStrain
 from deformer.symmetry import Symmetry, find_symmetry, symmetry_about
 from deformer.synthesis import Synthesis, draw_codes, transfer, transfer_code

@@ -15,7 +15,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from deformer.autoencoder import FEATURES, MeshAutoencoder, ModelConfig
+from deformer.autoencoder import MeshAutoencoder
+from deformer.config import FEATURES, ModelConfig
 from deformer.errors import InputError
 from deformer.features import FeatureScaler
 from deformer.geodesics import Geodesics

@@ -10,11 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from deformer.autoencoder import MeshAutoencoder, ModelConfig, resolve_config
+from deformer.autoencoder import MeshAutoencoder
 from deformer.calibration import HandleFit, recoveries, recovery_errors
 from deformer.checkpoints import has_checkpoint
+from deformer.config import ModelConfig, resolve_config
 from deformer.decoder import Decoder
 from deformer.denoising import remove_noise
+from deformer.device import resolve_device
 from deformer.errors import InputError
 from deformer.factoring import factor
 from deformer.features import FeatureExtractor, FeatureScaler, extract_all
@@ -28,7 +30,7 @@ from deformer.mirroring import images_explain, mirror_images
 from deformer.model import DeformationModel, encode_features
 from deformer.placement import fit_placement
 from deformer.rotations import align
-from deformer.training import fit, resolve_device
+from deformer.training import fit
 from deformer.training_loop import ProgressCallback, TrainingProgress, TrainingResult
 
 # What the noise of handle fits, in bounding diagonals, and λ₁ are chosen from; epochs of a

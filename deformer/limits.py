@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from deformer.decoder import Decoder
-from deformer.geodesics import Geodesics, farthest_points
+from deformer.geodesics import Geodesics
 from deformer.mesh import FloatArray, IntArray
+from deformer.sampling import farthest_points
 
 # Marks on the surface, and the nearest others that each is compared with.
 MARKS = 96

@@ -8,128 +8,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
-from deformer.decoder import Decoder
-from deformer.differentials import (
-    arm_jacobian,
-    arm_positions,
-    arm_sensitivities,
-)
+from deformer.handle_positions import Evaluation, Handles
 from deformer.latent import LatentPrior
 from deformer.limits import BendLimits
 from deformer.mesh import FloatArray
 from deformer.model import DeformationModel
 from deformer.placement import FREE, Placement, surprise
 from deformer.rotations import log_to_rotation, right_jacobian
-
-
-class Handles(Protocol):
-    """Handle positions as a function of the latent code, relative to the shape's centroid."""
-
-    def at(self, z: FloatArray) -> Evaluation:
-        """Positions, and their derivative if it is asked for."""
-        ...
-
-
-class Evaluation(Protocol):
-    """Handle positions at one latent code."""
-
-    positions: FloatArray
-
-    def derivative(self) -> FloatArray:
-        """Derivative (H, 3, K) of the positions with respect to the code."""
-        ...
-
-
-class ArmHandles:
-    """Handle positions Σ_i T_i(z) a_h,i over a decoder's vertices.
-
-    Args:
-        decoder: of n vertices.
-        arms: (H, n, 3).
-        fast: work in single precision.
-    """
-
-    def __init__(self, decoder: Decoder, arms: FloatArray, fast: bool = False) -> None:
-        """Take the arms."""
-        self.decoder, self.arms = decoder, arms
-        self.fast = fast
-        self.single_arms = arms.astype(np.float32)
-
-    def at(self, z: FloatArray) -> ArmEvaluation:
-        """Positions, and their derivative if it is asked for."""
-        return ArmEvaluation(self, z)
-
-
-class ArmEvaluation:
-    """`ArmHandles` at one latent code."""
-
-    def __init__(self, handles: ArmHandles, z: FloatArray) -> None:
-        """Evaluate the positions (H, 3)."""
-        self._handles, self._z = handles, z
-        decoder = handles.decoder
-        self._q = decoder.single_features(z) if handles.fast else decoder.features(z)
-        self.positions = arm_positions(self._q, handles.arms)
-
-    def derivative(self) -> FloatArray:
-        """Derivative (H, 3, K) of the positions with respect to the code."""
-        decoder, arms = self._handles.decoder, self._handles.arms
-        if self._handles.fast and decoder.pointwise:
-            slope = decoder.pointwise_slope(self._q)
-            return arm_jacobian(self._q, slope, decoder.matrix, self._handles.single_arms)
-        g = arm_sensitivities(self._q, arms)
-        J = decoder.pull_back(self._z, g.reshape(-1, *g.shape[2:]))
-        return J.reshape(len(arms), 3, len(self._z))
-
-
-class CorrectedHandles:
-    """Handle positions by landmarks, and what those leave out: p(z) + correction z + offset.
-
-    Args:
-        landmarks: positions p (H, 3) by landmarks alone.
-        correction: (H, 3, K), or None.
-    """
-
-    def __init__(self, landmarks: Handles, correction: FloatArray | None = None) -> None:
-        """Begin without an offset."""
-        self._landmarks, self._correction = landmarks, correction
-        self._offset: FloatArray | float = 0.0
-
-    def at(self, z: FloatArray) -> CorrectedEvaluation:
-        """Positions, and their derivative if it is asked for."""
-        return CorrectedEvaluation(self._landmarks.at(z), z, self._correction, self._offset)
-
-    def pinned_at(self, z: FloatArray, p: FloatArray) -> CorrectedEvaluation:
-        """Choose the offset so that the positions at z are p (H, 3); the evaluation there."""
-        here = self.at(z)
-        self._offset = self._offset + p - here.positions
-        here.positions = p
-        return here
-
-
-class CorrectedEvaluation:
-    """`CorrectedHandles` at one latent code."""
-
-    def __init__(
-        self,
-        here: Evaluation,
-        z: FloatArray,
-        correction: FloatArray | None,
-        offset: FloatArray | float,
-    ) -> None:
-        """Evaluate the positions (H, 3)."""
-        self._here, self._correction = here, correction
-        self.positions = here.positions + offset
-        if correction is not None:
-            self.positions += correction @ z
-
-    def derivative(self) -> FloatArray:
-        """Derivative (H, 3, K) of the positions with respect to the code."""
-        J = self._here.derivative()
-        return J if self._correction is None else J + self._correction
 
 
 @dataclass(frozen=True, eq=False)

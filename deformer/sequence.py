@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deformer.basis import HandleBasis
+from deformer.device import resolve_device
 from deformer.errors import InputError
 from deformer.frames import Boolean, Frames, NumbaFrames
 from deformer.handles import HandleSolver
@@ -27,7 +28,6 @@ from deformer.poses import check_handles
 from deformer.rotations import log_to_rotation, right_jacobian
 from deformer.roughness import Roughness
 from deformer.torch_frames import TorchFrames
-from deformer.training import resolve_device
 
 # Every so many frames one is solved on its own, as a start for those around it.
 _KEY = 12

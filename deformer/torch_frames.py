@@ -14,13 +14,13 @@ from torch import Tensor
 from deformer.basis import HandleBasis
 from deformer.cholesky import SparseCholesky
 from deformer.decoder import Decoder
+from deformer.device import resolve_device
 from deformer.errors import InputError
 from deformer.features import STRETCH_COLUMNS, STRETCH_ROWS
 from deformer.frames import FIRST_TURNS, TURNS, Boolean
 from deformer.lanes import DAMPING, FARTHEST, FURTHER
 from deformer.mesh import FloatArray
 from deformer.surface import schur_inverse
-from deformer.training import resolve_device
 
 # Numbers of a batch: frames times vertices times nine.
 _BATCH = 1 << 27

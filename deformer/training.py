@@ -11,8 +11,9 @@ import torch
 from torch import Tensor
 
 from deformer import losses
-from deformer.autoencoder import MeshAutoencoder, ModelConfig
-from deformer.errors import InputError
+from deformer.autoencoder import MeshAutoencoder
+from deformer.config import ModelConfig
+from deformer.device import resolve_device
 from deformer.geodesics import Geodesics
 from deformer.mesh import FloatArray, IntArray
 from deformer.training_loop import (
@@ -28,22 +29,6 @@ _BEST_EVERY = 10
 # Mixed shapes that the principal components are taken from, beside the examples.
 _INITIAL_MIXED = 128
 _WARM_UP = 30
-
-
-def resolve_device(device: str) -> torch.device:
-    """The torch device of "cpu", "cuda", "mps" or "auto" (the first of cuda, mps, cpu present)."""
-    available = {
-        "cuda": torch.cuda.is_available(),
-        "mps": torch.backends.mps.is_available(),
-        "cpu": True,
-    }
-    if device == "auto":
-        return torch.device(next(name for name, there in available.items() if there))
-    if device.split(":")[0] not in available:
-        raise InputError(f"device: expected cpu, cuda, mps or auto, got {device!r}")
-    if not available[device.split(":")[0]]:
-        raise InputError(f"device {device!r} is not available here; use cpu or auto")
-    return torch.device(device)
 
 
 class _Mixer:

@@ -11,8 +11,9 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from torch import Tensor
 
-from deformer.autoencoder import MeshAutoencoder, ModelConfig
+from deformer.autoencoder import MeshAutoencoder
 from deformer.checkpoints import load_checkpoint, save_checkpoint
+from deformer.config import ModelConfig
 from deformer.interrupts import DeferredInterrupt
 from deformer.mesh import FloatArray
 

@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from deformer.autoencoder import PRESETS
+from deformer.config import PRESETS
 from deformer.learning import train
 from deformer.mesh import Mesh, MeshSequence
 from deformer.model import DeformationModel

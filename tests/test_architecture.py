@@ -13,15 +13,15 @@ APPLICATION = ROOT / "app" / "deformer_app"
 
 # A module imports only from modules before it in this list: the one place to add a new one.
 ORDER = [
-    "errors", "parallel", "interrupts", "mesh",
+    "errors", "parallel", "interrupts", "mesh", "laplacian",
     "_atomic", "_json_files", "_parsing", "_obj", "_off", "_ply", "_stl", "_glb", "io", "doctor",
-    "geodesics", "rotations", "metrics", "symmetry", "strain",
+    "geodesics", "sampling", "rotations", "metrics", "symmetry", "strain",
     "rotation_field", "dissection", "cholesky", "denoising", "features", "differentials",
     "poisson", "mirroring",
-    "autoencoder", "decoder", "losses", "localised", "checkpoints", "training_loop", "training",
-    "factoring", "latent", "placement", "limits", "naming", "model",
+    "device", "config", "autoencoder", "decoder", "losses", "localised", "checkpoints", "training_loop", "training",
+    "factoring", "latent", "placement", "limits", "naming", "model", "storage",
     "activations", "components", "synthesis", "interpolation",
-    "lanes", "packed", "surface", "landmarks", "objective", "basis", "poses", "handles",
+    "lanes", "packed", "surface", "landmarks", "handle_positions", "objective", "basis", "poses", "handles",
     "calibration", "learning", "uncertainty",
     "frames", "torch_frames", "roughness", "sequence", "baselines", "evaluation",
 ]  # fmt: skip

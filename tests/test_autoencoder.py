@@ -6,14 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from deformer.autoencoder import (
-    GraphConv,
-    MeanOverRing,
-    MeshAutoencoder,
-    ModelConfig,
-    resolve_config,
-    ring_sum,
-)
+from deformer.autoencoder import GraphConv, MeanOverRing, MeshAutoencoder, ring_sum
+from deformer.config import ModelConfig, resolve_config
 from deformer.errors import InputError
 from deformer.mesh import one_rings
 from shapes import awkward, tube

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 import deformer
-from deformer.autoencoder import resolve_config
+from deformer.config import resolve_config
 from deformer.denoising import remove_noise
 from deformer.mesh import MeshSequence, edges
 

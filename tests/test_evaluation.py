@@ -16,8 +16,8 @@ import pytest
 import deformer
 from bars import bending_bar
 from deformer import InputError, MeshSequence
-from deformer.autoencoder import PRESETS
 from deformer.baselines import METHODS
+from deformer.config import PRESETS
 from deformer.evaluation import FAILURE, Setting, Source, Split, Study, evaluate, make_plan
 from deformer.evaluation import plan as plan_module
 from deformer.evaluation.material import prepare

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from deformer.autoencoder import PRESETS, ModelConfig
 from deformer.checkpoints import has_checkpoint
+from deformer.config import PRESETS, ModelConfig
 from deformer.decoder import Decoder
 from deformer.errors import InputError
 from deformer.factoring import factor

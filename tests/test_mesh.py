@@ -6,14 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from deformer.errors import InputError
+from deformer.laplacian import MAX_COTAN_WEIGHT, MIN_COTAN_WEIGHT, cotan_weights
 from deformer.mesh import (
-    MAX_COTAN_WEIGHT,
-    MIN_COTAN_WEIGHT,
     Mesh,
     MeshSequence,
     connected_components,
     connectivity_hash,
-    cotan_weights,
     edges,
     one_rings,
 )

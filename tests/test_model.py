@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from deformer import e_rms, load_model, save_mesh, shipped_models, train
-from deformer.autoencoder import ModelConfig
+from deformer.config import ModelConfig
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor
 from deformer.mesh import Mesh, MeshSequence

@@ -5,7 +5,8 @@ import pytest
 
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor
-from deformer.mesh import Mesh, connected_components, cotan_weights
+from deformer.laplacian import cotan_weights
+from deformer.mesh import Mesh, connected_components
 from deformer.poisson import PoissonSystem
 from deformer.rotations import log_to_rotation
 from shapes import (

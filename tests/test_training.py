@@ -12,11 +12,12 @@ import torch
 from safetensors.torch import load_file
 
 from deformer import losses
-from deformer.autoencoder import PRESETS
+from deformer.config import PRESETS
+from deformer.device import resolve_device
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor, FeatureScaler, extract_all
 from deformer.geodesics import Geodesics
-from deformer.training import fit, resolve_device
+from deformer.training import fit
 from shapes import sequence
 
 PAPER = replace(PRESETS["paper"], components=4, epochs=40)

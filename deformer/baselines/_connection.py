@@ -13,7 +13,8 @@ from scipy import sparse
 
 from deformer.baselines._shell import Shell
 from deformer.cholesky import SparseCholesky
-from deformer.mesh import FloatArray, IntArray, connected_components, cotan_weights
+from deformer.laplacian import cotan_weights
+from deformer.mesh import FloatArray, IntArray, connected_components
 from deformer.poisson import PoissonSystem
 from deformer.rotations import polar
 

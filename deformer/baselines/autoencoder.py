@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deformer import learning
-from deformer.autoencoder import ModelConfig
 from deformer.baselines._checks import checked_codes, checked_handles, checked_shapes
 from deformer.baselines.method import Space
+from deformer.config import ModelConfig
 from deformer.errors import InputError
 from deformer.handles import HandleSolver
 from deformer.mesh import FloatArray, MeshSequence

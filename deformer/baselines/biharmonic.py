@@ -9,7 +9,8 @@ from scipy import sparse
 
 from deformer.baselines._examples import Bending
 from deformer.cholesky import SparseCholesky
-from deformer.mesh import FloatArray, IntArray, Mesh, cotan_weights
+from deformer.laplacian import cotan_weights
+from deformer.mesh import FloatArray, IntArray, Mesh
 
 # Least share of the mean vertex area that a vertex counts.
 _SMALLEST_AREA = 1e-3

@@ -7,13 +7,13 @@ from typing import ClassVar, Self
 import numpy as np
 
 from deformer.activations import Activations
-from deformer.autoencoder import ModelConfig
 from deformer.baselines._data_driven import DataDrivenDeformation
 from deformer.baselines._gradient_method import NOISES, GradientMethod
 from deformer.baselines._gradient_space import GradientSpace
 from deformer.baselines.autoencoder import Autoencoder
 from deformer.baselines.method import Space
 from deformer.calibration import HandleFit, choose_noise, one_by_one
+from deformer.config import ModelConfig
 from deformer.errors import InputError
 from deformer.features import extract_all
 from deformer.latent import fit_prior

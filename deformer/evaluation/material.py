@@ -13,10 +13,11 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from deformer.evaluation.splits import Split
-from deformer.geodesics import Geodesics, farthest_points
+from deformer.geodesics import Geodesics
 from deformer.io import load_shapes
 from deformer.mesh import FloatArray, IntArray, Mesh, MeshSequence
 from deformer.rotations import align
+from deformer.sampling import farthest_points
 
 
 @dataclass(frozen=True)

@@ -9,15 +9,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from shutil import rmtree
 
-from deformer.autoencoder import resolve_config
 from deformer.baselines import METHODS
 from deformer.baselines.autoencoder import Autoencoder
 from deformer.baselines.linear_components import LinearComponents
 from deformer.baselines.method import Poser
 from deformer.checkpoints import has_checkpoint
+from deformer.config import resolve_config
 from deformer.learning import train
 from deformer.mesh import MeshSequence
-from deformer.model import DeformationModel, load_model
+from deformer.model import DeformationModel
+from deformer.storage import load_model
 
 
 @dataclass(frozen=True)

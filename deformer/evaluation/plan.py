@@ -11,7 +11,7 @@ import json
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
-from deformer.autoencoder import PRESETS
+from deformer.config import PRESETS
 from deformer.errors import InputError
 from deformer.evaluation.material import Source
 from deformer.evaluation.methods import NETWORKS, Setting, known_methods, offers_codes

@@ -1,0 +1,225 @@
+"""A model as a directory: weights in safetensors, the rest JSON and PLY, checked on loading."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save
+
+from deformer._atomic import atomic_directory
+from deformer.autoencoder import MeshAutoencoder
+from deformer.config import ModelConfig
+from deformer.errors import InputError
+from deformer.features import FeatureScaler
+from deformer.io import load_mesh, save_mesh, write_json
+from deformer.latent import LatentPrior
+from deformer.limits import BendLimits
+from deformer.mesh import FloatArray, connectivity_hash, one_rings
+from deformer.model import DeformationModel
+from deformer.placement import Placement
+
+FORMAT_VERSION = 1
+
+
+_FILES = ("model.json", "reference.ply", "weights.safetensors")
+
+
+# Options of models from before there was a choice.
+_BEFORE = {"encoder": "network", "denoised": False, "mirrored": False}
+
+
+def save_model(model: DeformationModel, path: str | Path) -> None:
+    """Write the model as a directory; an older model there is replaced, anything else is not.
+
+    Raises:
+        InputError: the directory holds other files, or its parent does not exist.
+    """
+    with atomic_directory(path, lambda entry: entry.name in (*_FILES, "README.md")) as folder:
+        save_mesh(folder / "reference.ply", model.reference)
+        tensors = {f"network.{k}": v for k, v in model.network.state_dict().items()}
+        tensors["codes"] = torch.from_numpy(np.ascontiguousarray(model.codes))
+        tensors["latent_mean"] = torch.from_numpy(np.ascontiguousarray(model.prior.mean))
+        tensors["latent_covariance"] = torch.from_numpy(
+            np.ascontiguousarray(model.prior.covariance)
+        )
+        if model.placement is not None:
+            for name, array in model.placement.arrays.items():
+                tensors[f"placement_{name}"] = torch.from_numpy(np.ascontiguousarray(array))
+        if model.limits is not None:
+            for name, array in model.limits.arrays.items():
+                tensors[f"limits_{name}"] = torch.from_numpy(np.ascontiguousarray(array))
+        weights = save({k: v.contiguous() for k, v in tensors.items()})
+        (folder / _FILES[2]).write_bytes(weights)
+        V = len(model.reference.vertices)
+        scaler = model.scaler
+        description = {
+            "format": FORMAT_VERSION,
+            "connectivity": connectivity_hash(model.reference.faces, V),
+            "vertices": V,
+            "faces": len(model.reference.faces),
+            "config": model.config.as_dict(),
+            "scaler": {"r": [scaler.r_min, scaler.r_max], "s": [scaler.s_min, scaler.s_max]},
+            "split": model.split,
+            "summary": model.summary,
+            **({"placement": model.placement.deviations} if model.placement else {}),
+            "handle_noise": model.handle_noise,
+            **_description_of_names(model.names),
+            "sha256": {name: _digest(folder / name) for name in _FILES[1:]},
+        }
+        description["sha256"]["model.json"] = _digest_of_description(description)
+        write_json(folder / "model.json", description)
+
+
+def _description_of_names(names: Mapping[int, str]) -> dict[str, Any]:
+    """The entry of model.json; none where nothing is named, as before there were names."""
+    return {"names": {str(k): name for k, name in names.items()}} if names else {}
+
+
+def save_names(path: str | Path, names: Mapping[int, str]) -> DeformationModel:
+    """Name components of a model on disk; its other files stay as they are.
+
+    Args:
+        path: the model's directory.
+        names: component → name; an empty one takes a name away.
+
+    Returns:
+        The model with its names.
+
+    Raises:
+        InputError: no such model, a shipped one, or names as `DeformationModel.named` refuses.
+    """
+    if not Path(path).is_dir() and str(path) in shipped_models():
+        raise InputError(f"{path}: a shipped model keeps its names; save a copy under another one")
+    model = load_model(path).named(names)
+    where = Path(path) / "model.json"
+    data = json.loads(where.read_text(encoding="utf-8"))
+    sums = data.pop("sha256")
+    data.pop("names", None)
+    data |= {**_description_of_names(model.names), "sha256": sums}
+    sums["model.json"] = _digest_of_description(data)
+    write_json(where, data)
+    return model
+
+
+def shipped_models() -> list[str]:
+    """Names of the models that come with the package."""
+    root = resources.files("deformer_models")
+    return sorted(entry.name for entry in root.iterdir() if entry.joinpath("model.json").is_file())
+
+
+def load_model(path: str | Path) -> DeformationModel:
+    """Read a model from its directory, or a shipped model by its name.
+
+    Raises:
+        InputError: no such model, a missing or altered file, another format version, or a
+            reference mesh that does not match the weights.
+    """
+    folder = Path(path)
+    if not folder.is_dir() and len(folder.parts) == 1 and folder.name in shipped_models():
+        # Installed packages are directories: every shipped file has a real path.
+        folder = Path(str(resources.files("deformer_models").joinpath(folder.name)))
+    if not folder.is_dir():
+        raise InputError(
+            f"{path}: no such model; give a model directory, or one of the shipped models: "
+            f"{', '.join(shipped_models()) or 'none'}"
+        )
+    for name in _FILES:
+        if not (folder / name).is_file():
+            raise InputError(
+                f"{folder / name}: missing, a model has {', '.join(_FILES)}; save it again"
+            )
+    where = folder / "model.json"
+    try:
+        data = json.loads(where.read_text(encoding="utf-8"))
+        version = data["format"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{where}: not a model description ({error}); restore it") from error
+    if version != FORMAT_VERSION:
+        raise InputError(
+            f"{where}: format version {version}, expected {FORMAT_VERSION}; "
+            "retrain, or use the release that wrote it"
+        )
+    try:
+        return _assemble(folder, data)
+    except InputError:
+        raise
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"{where}: incomplete or not of these weights ({reason})") from error
+
+
+def _assemble(folder: Path, data: dict[str, Any]) -> DeformationModel:
+    """The model of a folder with the description `data`, once its files are what they were."""
+    for name, digest in data["sha256"].items():
+        found = _digest_of_description(data) if name == "model.json" else _digest(folder / name)
+        if found != digest:
+            raise InputError(
+                f"{folder / name}: altered since the model was saved (checksum differs); "
+                "restore the file or retrain"
+            )
+    mesh = load_mesh(folder / "reference.ply")
+    if connectivity_hash(mesh.faces, len(mesh.vertices)) != data["connectivity"]:
+        raise InputError(
+            f"{folder / 'reference.ply'}: its connectivity is not the model's; restore the file"
+        )
+    try:
+        tensors = load_file(folder / "weights.safetensors")
+    except SafetensorError as error:
+        raise InputError(f"{folder / 'weights.safetensors'}: unreadable ({error})") from error
+    config = ModelConfig(**{**_BEFORE, **data["config"]})
+    indptr, rings = one_rings(mesh.faces, len(mesh.vertices))
+    network = MeshAutoencoder(indptr, rings, config.components, config.layers)
+    network.load_state_dict(
+        {k.removeprefix("network."): v for k, v in tensors.items() if k.startswith("network.")}
+    )
+    return DeformationModel(
+        mesh,
+        config,
+        FeatureScaler(*data["scaler"]["r"], *data["scaler"]["s"]),
+        network.eval(),
+        tensors["codes"].numpy(),
+        LatentPrior(tensors["latent_mean"].numpy(), tensors["latent_covariance"].numpy()),
+        data["split"],
+        data["summary"],
+        _placement(data["placement"], tensors) if "placement" in data else None,
+        {int(k): str(name) for k, name in data.get("names", {}).items()},
+        **({"handle_noise": float(data["handle_noise"])} if "handle_noise" in data else {}),
+        limits=_limits(tensors),
+    )
+
+
+def _limits(tensors: Mapping[str, torch.Tensor]) -> BendLimits | None:
+    """Of a model's files; older ones have none."""
+    if "limits_slack" not in tensors:
+        return None
+    arrays = (f"limits_{name}" for name in ("directions", "low", "high", "slack"))
+    return BendLimits(*(tensors[name].numpy() for name in arrays))
+
+
+def _placement(deviations: Mapping[str, float], tensors: Mapping[str, torch.Tensor]) -> Placement:
+    """Of a model's files; older ones have deviations only."""
+
+    def array(name: str) -> FloatArray | None:
+        found = tensors.get(f"placement_{name}")
+        return None if found is None else found.numpy()
+
+    return Placement(**deviations, offset=array("offset"), gain=array("gain"))
+
+
+def _digest_of_description(data: dict[str, Any]) -> str:
+    """SHA-256 of the description without its own checksum, however it is indented."""
+    sums = {name: digest for name, digest in data["sha256"].items() if name != "model.json"}
+    text = json.dumps({**data, "sha256": sums}, sort_keys=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
