@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 import deformer
-from deformer.rotations import align
+from deformer.geometry import align
 
 _RATE = 4
 _NOISE = 0.005

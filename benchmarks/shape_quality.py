@@ -23,11 +23,10 @@ from rich.table import Table
 from deformer.activations import Activations
 from deformer.components import SUPPORTED
 from deformer.features import FeatureExtractor, FeatureScaler, extract_all
+from deformer.geometry import edges, farthest_points
 from deformer.handles import HandleSolver
 from deformer.io import load_shapes
 from deformer.localised import localised_components
-from deformer.mesh import edges
-from deformer.sampling import farthest_points
 from deformer.storage import load_model
 
 FOLD = np.cos(np.radians(150.0))

@@ -24,7 +24,7 @@ from deformer.config import resolve_config
 from deformer.decoder import Decoder
 from deformer.factoring import factor
 from deformer.features import FeatureExtractor, FeatureScaler, extract_all
-from deformer.geodesics import Geodesics
+from deformer.geometry import Geodesics
 from deformer.io import load_shapes
 
 

@@ -5,21 +5,26 @@ from deformer.components import Component, ComponentAnalysis
 from deformer.config import ModelConfig
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor, FeatureScaler, extract_features, vertex_normals
-from deformer.geodesics import Geodesics
+from deformer.geometry import (
+    FaceStrain,
+    Geodesics,
+    Mesh,
+    MeshSequence,
+    Symmetry,
+    e_rms,
+    farthest_points,
+    find_symmetry,
+    symmetry_about,
+)
 from deformer.handles import HandleSolver
 from deformer.interpolation import ShapePath, interpolate
 from deformer.io import load_mesh, load_shapes, save_mesh, save_shapes
 from deformer.learning import train
-from deformer.mesh import Mesh, MeshSequence
-from deformer.metrics import e_rms
 from deformer.model import DeformationModel
 from deformer.poisson import PoissonSystem, reconstruct
 from deformer.poses import Handle, Pose
-from deformer.sampling import farthest_points
 from deformer.sequence import SequenceFit, fit_sequence
 from deformer.storage import load_model, save_names, shipped_models
-from deformer.strain import FaceStrain
-from deformer.symmetry import Symmetry, find_symmetry, symmetry_about
 from deformer.synthesis import Synthesis, draw_codes, transfer, transfer_code
 from deformer.uncertainty import Uncertainty, uncertainty
 

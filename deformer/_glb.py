@@ -8,7 +8,7 @@ import numpy as np
 
 from deformer._parsing import fan_triangles
 from deformer.errors import InputError
-from deformer.mesh import FloatArray, IntArray
+from deformer.geometry import FloatArray, IntArray
 
 _FLOAT = 5126
 _INDEX_TYPES = {5121: "u1", 5123: "<u2", 5125: "<u4"}

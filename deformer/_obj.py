@@ -8,7 +8,7 @@ import numpy as np
 
 from deformer._parsing import corner_indices, fan_triangles, positions
 from deformer.errors import InputError
-from deformer.mesh import FloatArray, IntArray
+from deformer.geometry import FloatArray, IntArray
 
 _CONTINUED = re.compile(rb"^[ \t]*[vf](?=[ \t\\])(?:[^\n]*\\\r?\n)+", re.MULTILINE)
 

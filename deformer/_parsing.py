@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from deformer.errors import InputError
-from deformer.mesh import FloatArray, IntArray
+from deformer.geometry import FloatArray, IntArray
 
 # Names the place of item number i for an error message: "line 12", "face 3".
 Where = Callable[[int], str]

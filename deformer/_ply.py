@@ -8,7 +8,7 @@ import numpy as np
 
 from deformer._parsing import corner_indices, fan_triangles, positions
 from deformer.errors import InputError
-from deformer.mesh import FloatArray, IntArray
+from deformer.geometry import FloatArray, IntArray
 
 _TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from deformer.config import FEATURES
-from deformer.mesh import IntArray
+from deformer.geometry import IntArray
 
 
 class MeanOverRing(nn.Module):

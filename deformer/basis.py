@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deformer.geometry import FloatArray, IntArray
 from deformer.handle_positions import ArmHandles, Handles
 from deformer.landmarks import Grouping, choose_landmarks
-from deformer.mesh import FloatArray, IntArray
 from deformer.model import DeformationModel
 from deformer.packed import PackedDecoder, PackedHandles
 from deformer.surface import Surface

@@ -6,9 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from deformer.geodesics import Geodesics
-from deformer.mesh import FloatArray, IntArray, MeshSequence
-from deformer.sampling import farthest_points
+from deformer.geometry import FloatArray, Geodesics, IntArray, MeshSequence, farthest_points
 
 # (vertices, targets, noises) to a mesh (V, 3) for every noise, the largest first.
 HandleFit = Callable[[IntArray, FloatArray, Sequence[float]], Iterable[FloatArray]]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from deformer.dissection import Dissection, dissect
-from deformer.mesh import FloatArray, IntArray
+from deformer.geometry import FloatArray, IntArray
 from deformer.parallel import CORES, together
 
 # Parts below this many rows are not worth a thread of their own.

@@ -9,8 +9,7 @@ import numpy as np
 
 from deformer.activations import Activations
 from deformer.errors import InputError
-from deformer.mesh import FloatArray, Mesh
-from deformer.metrics import vertex_errors
+from deformer.geometry import FloatArray, Mesh, vertex_errors
 from deformer.model import DeformationModel
 
 # A component acts where its weights are at least this share of its largest.

@@ -16,7 +16,7 @@ from scipy import sparse
 
 from deformer.autoencoder import GraphConv, MeshAutoencoder
 from deformer.features import FeatureScaler
-from deformer.mesh import FloatArray, IntArray
+from deformer.geometry import FloatArray, IntArray
 from deformer.parallel import over_ranges
 
 

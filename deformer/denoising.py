@@ -16,8 +16,7 @@ import numpy as np
 from scipy import sparse
 
 from deformer.cholesky import SparseCholesky
-from deformer.mesh import FloatArray, MeshSequence, edges
-from deformer.rotations import polar
+from deformer.geometry import FloatArray, MeshSequence, edges, polar
 
 # Fewer shapes do not tell what they have in common.
 _FEWEST = 4

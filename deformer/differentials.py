@@ -12,9 +12,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from deformer.features import features_to_gradients
-from deformer.mesh import FloatArray
+from deformer.geometry import FloatArray, exp_, right_jacobian_
 from deformer.parallel import over_ranges, scratch
-from deformer.rotations import exp_, right_jacobian_
 
 # Vertices whose tangents are there at once: their memory must not grow with the mesh.
 _PORTION = 8192

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from deformer.mesh import FloatArray, IntArray
+from deformer.geometry import FloatArray, IntArray
 
 # Pieces of at most this many vertices are not cut further: their dense blocks cost about what the
 # bookkeeping of smaller ones would.

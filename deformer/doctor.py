@@ -10,7 +10,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from deformer.mesh import FloatArray, IntArray, MeshSequence, connected_components
+from deformer.geometry import FloatArray, IntArray, MeshSequence, connected_components
 
 # Residual of a rigid fit, as part of the bounding diagonal, that float32 data leaves.
 RIGID_TOLERANCE = 1e-5

@@ -19,9 +19,8 @@ from deformer.autoencoder import MeshAutoencoder
 from deformer.config import FEATURES, ModelConfig
 from deformer.errors import InputError
 from deformer.features import FeatureScaler
-from deformer.geodesics import Geodesics
+from deformer.geometry import FloatArray, Geodesics, IntArray
 from deformer.localised import Factorisation, LocalisedSettings
-from deformer.mesh import FloatArray, IntArray
 from deformer.training_loop import (
     ProgressCallback,
     State,

@@ -19,11 +19,20 @@ from scipy import sparse
 
 from deformer.cholesky import SparseCholesky
 from deformer.errors import InputError
-from deformer.laplacian import cotan_weights
-from deformer.mesh import FloatArray, IntArray, Mesh, MeshSequence, connected_components, one_rings
+from deformer.geometry import (
+    FloatArray,
+    IntArray,
+    Mesh,
+    MeshSequence,
+    closest_rotation_,
+    connected_components,
+    cotan_weights,
+    exp_,
+    log_to_rotation,
+    one_rings,
+)
 from deformer.parallel import over_ranges
 from deformer.rotation_field import continuous_logs
-from deformer.rotations import closest_rotation_, exp_, log_to_rotation
 
 Progress = Callable[[int, int], None]
 

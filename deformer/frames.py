@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deformer.basis import HandleBasis
-from deformer.mesh import FloatArray
+from deformer.geometry import FloatArray
 from deformer.parallel import each
 
 # Steps of the local rotation fits: in the first round and in later ones.

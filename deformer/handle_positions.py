@@ -12,7 +12,7 @@ from deformer.differentials import (
     arm_positions,
     arm_sensitivities,
 )
-from deformer.mesh import FloatArray
+from deformer.geometry import FloatArray
 
 
 class Handles(Protocol):

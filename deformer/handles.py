@@ -12,14 +12,13 @@ from numpy.typing import ArrayLike
 
 from deformer.basis import HandleBasis
 from deformer.errors import InputError
+from deformer.geometry import FloatArray, IntArray, spread
 from deformer.handle_positions import CorrectedHandles, Handles
 from deformer.latent import LatentPrior
-from deformer.mesh import FloatArray, IntArray
 from deformer.model import DeformationModel
 from deformer.objective import HandleObjective
 from deformer.parallel import one_blas_thread
 from deformer.poses import Handle, Pose, check_handles
-from deformer.sampling import spread
 
 # Cold solves try this many of the training codes (spread over the latent space), descend from the
 # mean and the most promising few, and finish the best ones exactly.

@@ -13,9 +13,15 @@ from numpy.typing import ArrayLike
 
 from deformer.errors import InputError
 from deformer.features import extract_all
-from deformer.mesh import FloatArray, IntArray, edges
+from deformer.geometry import (
+    FloatArray,
+    IntArray,
+    edges,
+    log_to_rotation,
+    procrustes,
+    rotation_to_log,
+)
 from deformer.model import DeformationModel
-from deformer.rotations import log_to_rotation, procrustes, rotation_to_log
 from deformer.synthesis import Way, check_way
 
 

@@ -34,7 +34,7 @@ from deformer._off import read_off, write_off
 from deformer._ply import read_ply, write_ply
 from deformer._stl import StlReader, write_stl
 from deformer.errors import InputError
-from deformer.mesh import FloatArray, IntArray, Mesh, MeshSequence
+from deformer.geometry import FloatArray, IntArray, Mesh, MeshSequence
 
 __all__ = [
     "MESH_SUFFIXES",

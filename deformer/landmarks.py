@@ -13,7 +13,7 @@ from numba import njit
 from scipy import sparse
 
 from deformer.decoder import Decoder
-from deformer.mesh import FloatArray, IntArray
+from deformer.geometry import FloatArray, IntArray
 
 _SKETCH = 12
 _POOL = 20_000

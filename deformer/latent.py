@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deformer.mesh import FloatArray
+from deformer.geometry import FloatArray
 
 # What `fit_prior` chooses from.
 _ALPHAS = np.array([0.001, 0.003, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9])

@@ -20,16 +20,13 @@ from deformer.device import resolve_device
 from deformer.errors import InputError
 from deformer.factoring import factor
 from deformer.features import FeatureExtractor, FeatureScaler, extract_all
-from deformer.geodesics import Geodesics
+from deformer.geometry import FloatArray, Geodesics, IntArray, Mesh, MeshSequence, align, e_rms
 from deformer.handles import HandleSolver
 from deformer.latent import fit_prior
 from deformer.limits import choose_marks, fit_limits
-from deformer.mesh import FloatArray, IntArray, Mesh, MeshSequence
-from deformer.metrics import e_rms
 from deformer.mirroring import images_explain, mirror_images
 from deformer.model import DeformationModel, encode_features
 from deformer.placement import fit_placement
-from deformer.rotations import align
 from deformer.training import fit
 from deformer.training_loop import ProgressCallback, TrainingProgress, TrainingResult
 

@@ -13,9 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deformer.decoder import Decoder
-from deformer.geodesics import Geodesics
-from deformer.mesh import FloatArray, IntArray
-from deformer.sampling import farthest_points
+from deformer.geometry import FloatArray, Geodesics, IntArray, farthest_points
 
 # Marks on the surface, and the nearest others that each is compared with.
 MARKS = 96

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deformer.errors import InputError
+from deformer.geometry import FloatArray, IntArray
 from deformer.losses import locality_row
-from deformer.mesh import FloatArray, IntArray
 
 # Distances (M,) from one site to all.
 Distances = Callable[[int], FloatArray]

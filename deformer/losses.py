@@ -6,8 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from deformer.geodesics import Geodesics
-from deformer.mesh import FloatArray
+from deformer.geometry import FloatArray, Geodesics
 
 
 def reconstruction(x: Tensor, estimate: Tensor) -> Tensor:

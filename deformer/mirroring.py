@@ -7,9 +7,8 @@ import numpy as np
 from scipy import sparse
 
 from deformer.features import STRETCH_COLUMNS, STRETCH_ROWS, FeatureExtractor, extract_all
-from deformer.mesh import FloatArray, IntArray, Mesh, MeshSequence
+from deformer.geometry import FloatArray, IntArray, Mesh, MeshSequence, Symmetry, find_symmetry
 from deformer.poisson import PoissonSystem
-from deformer.symmetry import Symmetry, find_symmetry
 
 # Shapes mirrored at once: bounded memory.
 _BATCH = 40

@@ -19,14 +19,12 @@ from deformer.decoder import Decoder
 from deformer.differentials import gradient_tangents
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor, FeatureScaler, extract_all
-from deformer.geodesics import Geodesics
+from deformer.geometry import FloatArray, Geodesics, IntArray, Mesh, align, one_rings
 from deformer.latent import LatentPrior
 from deformer.limits import BendLimits
-from deformer.mesh import FloatArray, IntArray, Mesh, one_rings
 from deformer.naming import check_names, find_component
 from deformer.placement import Placement
 from deformer.poisson import PoissonSystem
-from deformer.rotations import align
 
 # Latent components whose tangents are solved at once in `DeformationModel.fit`: bounds memory.
 _TANGENT_BATCH = 10

@@ -11,13 +11,12 @@ from functools import cached_property
 
 import numpy as np
 
+from deformer.geometry import FloatArray, log_to_rotation, right_jacobian
 from deformer.handle_positions import Evaluation, Handles
 from deformer.latent import LatentPrior
 from deformer.limits import BendLimits
-from deformer.mesh import FloatArray
 from deformer.model import DeformationModel
 from deformer.placement import FREE, Placement, surprise
-from deformer.rotations import log_to_rotation, right_jacobian
 
 
 @dataclass(frozen=True, eq=False)

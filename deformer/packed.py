@@ -12,8 +12,8 @@ import numpy as np
 from numba import njit
 
 from deformer.decoder import Decoder
+from deformer.geometry import FloatArray
 from deformer.lanes import LANES, decode, gradients
-from deformer.mesh import FloatArray
 from deformer.parallel import ranges, together
 
 # Blocks below which a second thread does not pay.

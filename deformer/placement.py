@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deformer.mesh import FloatArray
-from deformer.rotations import procrustes, rotation_to_log
+from deformer.geometry import FloatArray, procrustes, rotation_to_log
 
 # What is believed before any example is seen (rad, diagonals), and how many examples that is worth.
 _BELIEVED, _COUNT = 0.01, 1

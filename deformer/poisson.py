@@ -13,8 +13,14 @@ from scipy.spatial import KDTree
 from deformer.cholesky import SparseCholesky
 from deformer.errors import InputError
 from deformer.features import features_to_gradients
-from deformer.laplacian import cotan_weights
-from deformer.mesh import FloatArray, IntArray, Mesh, MeshSequence, connected_components
+from deformer.geometry import (
+    FloatArray,
+    IntArray,
+    Mesh,
+    MeshSequence,
+    connected_components,
+    cotan_weights,
+)
 from deformer.parallel import over_ranges
 
 # Tension beside bending, over the reference's area: bends die away within a tenth of its size.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deformer.errors import InputError
-from deformer.mesh import FloatArray, IntArray
+from deformer.geometry import FloatArray, IntArray
 from deformer.model import DeformationModel
 
 

@@ -22,8 +22,7 @@ import math
 import numpy as np
 from numba import njit
 
-from deformer.mesh import FloatArray, IntArray
-from deformer.rotations import log_, rotation_to_log
+from deformer.geometry import FloatArray, IntArray, log_, rotation_to_log
 
 # Neighbours whose logarithms differ by more than this (radians) are not continuous.
 MAX_EDGE_JUMP = 0.5 * math.pi

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import solveh_banded
 
-from deformer.mesh import FloatArray
+from deformer.geometry import FloatArray
 
 # A row of D: the second difference.
 _SECOND = (1.0, -2.0, 1.0)

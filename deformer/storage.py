@@ -19,10 +19,10 @@ from deformer.autoencoder import MeshAutoencoder
 from deformer.config import ModelConfig
 from deformer.errors import InputError
 from deformer.features import FeatureScaler
+from deformer.geometry import FloatArray, connectivity_hash, one_rings
 from deformer.io import load_mesh, save_mesh, write_json
 from deformer.latent import LatentPrior
 from deformer.limits import BendLimits
-from deformer.mesh import FloatArray, connectivity_hash, one_rings
 from deformer.model import DeformationModel
 from deformer.placement import Placement
 

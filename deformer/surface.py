@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from deformer.decoder import Decoder
+from deformer.geometry import FloatArray, IntArray
 from deformer.lanes import (
     LANES,
     arms_by_block,
@@ -26,7 +27,6 @@ from deformer.lanes import (
     rhs,
     turned_rhs,
 )
-from deformer.mesh import FloatArray, IntArray
 from deformer.parallel import CORES, begin, finish, over_ranges, ranges, together
 from deformer.poisson import PoissonSystem
 

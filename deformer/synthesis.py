@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from deformer.activations import Activations, Familiarity
 from deformer.errors import InputError
-from deformer.mesh import FloatArray
+from deformer.geometry import FloatArray
 from deformer.model import DeformationModel, encode_features
 
 Way = Literal["latent", "features", "linear"]

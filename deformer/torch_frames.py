@@ -18,8 +18,8 @@ from deformer.device import resolve_device
 from deformer.errors import InputError
 from deformer.features import STRETCH_COLUMNS, STRETCH_ROWS
 from deformer.frames import FIRST_TURNS, TURNS, Boolean
+from deformer.geometry import FloatArray
 from deformer.lanes import DAMPING, FARTHEST, FURTHER
-from deformer.mesh import FloatArray
 from deformer.surface import schur_inverse
 
 # Numbers of a batch: frames times vertices times nine.

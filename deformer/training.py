@@ -14,8 +14,7 @@ from deformer import losses
 from deformer.autoencoder import MeshAutoencoder
 from deformer.config import ModelConfig
 from deformer.device import resolve_device
-from deformer.geodesics import Geodesics
-from deformer.mesh import FloatArray, IntArray
+from deformer.geometry import FloatArray, Geodesics, IntArray
 from deformer.training_loop import (
     ProgressCallback,
     State,

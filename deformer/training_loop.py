@@ -14,8 +14,8 @@ from torch import Tensor
 from deformer.autoencoder import MeshAutoencoder
 from deformer.checkpoints import load_checkpoint, save_checkpoint
 from deformer.config import ModelConfig
+from deformer.geometry import FloatArray
 from deformer.interrupts import DeferredInterrupt
-from deformer.mesh import FloatArray
 
 _CHECKPOINT_SECONDS = 30.0
 

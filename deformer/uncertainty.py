@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from deformer.errors import InputError
+from deformer.geometry import FloatArray
 from deformer.handles import HandleSolver
-from deformer.mesh import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

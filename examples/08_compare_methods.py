@@ -8,7 +8,7 @@ import tube
 
 import deformer
 from deformer.baselines import METHODS
-from deformer.metrics import vertex_errors
+from deformer.geometry import vertex_errors
 from deformer_app.camera import aim
 from deformer_app.filmstrips import save_sheet
 from deformer_app.pictures import Layer, contact_sheet, render

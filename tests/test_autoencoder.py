@@ -9,7 +9,7 @@ import torch
 from deformer.autoencoder import GraphConv, MeanOverRing, MeshAutoencoder, ring_sum
 from deformer.config import ModelConfig, resolve_config
 from deformer.errors import InputError
-from deformer.mesh import one_rings
+from deformer.geometry.mesh import one_rings
 from shapes import awkward, tube
 from tolerances import tolerance
 

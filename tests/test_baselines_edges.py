@@ -11,11 +11,11 @@ from deformer.baselines._edge_space import EdgeDeformation, EdgeSpace, _Fit, lai
 from deformer.baselines._shell import Shell
 from deformer.baselines.edges import EdgeSplocs
 from deformer.errors import InputError
+from deformer.geometry.mesh import Mesh, MeshSequence
+from deformer.geometry.metrics import e_rms
 from deformer.io import load_shapes
 from deformer.latent import LatentPrior
 from deformer.localised import LocalisedSettings
-from deformer.mesh import Mesh, MeshSequence
-from deformer.metrics import e_rms
 from deformer.poisson import PoissonSystem
 from shapes import (
     bend,

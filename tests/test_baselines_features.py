@@ -16,13 +16,13 @@ from deformer.baselines.linear_components import LinearComponents
 from deformer.calibration import choose_noise, one_by_one
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor, extract_all, features_to_gradients
-from deformer.geodesics import Geodesics
+from deformer.geometry.geodesics import Geodesics
+from deformer.geometry.mesh import MeshSequence
+from deformer.geometry.metrics import e_rms
+from deformer.geometry.rotations import log_to_rotation, polar
 from deformer.latent import LatentPrior, fit_prior
 from deformer.localised import LocalisedSettings
-from deformer.mesh import MeshSequence
-from deformer.metrics import e_rms
 from deformer.poisson import PoissonSystem
-from deformer.rotations import log_to_rotation, polar
 from deformer.surface import schur_inverse
 from shapes import random_rotation, sequence, small_model, tube, twist
 

@@ -10,8 +10,8 @@ from deformer.baselines.clustered_pca import ClusteredPCA, segment
 from deformer.baselines.pca import PCA
 from deformer.baselines.splocs import SPLOCS
 from deformer.baselines.structured_factors import StructuredFactors, factorise, split
-from deformer.geodesics import Geodesics
-from deformer.sampling import farthest_points
+from deformer.geometry.geodesics import Geodesics
+from deformer.geometry.sampling import farthest_points
 from shapes import icosphere, sequence, tube
 
 METHODS = [PCA, ClusteredPCA, SPLOCS, StructuredFactors]

@@ -6,9 +6,9 @@ import pytest
 from deformer.baselines.biharmonic import Biharmonic, NearestBiharmonic
 from deformer.baselines.rigid import Arap, NearestArap
 from deformer.errors import InputError
-from deformer.geodesics import Geodesics
-from deformer.mesh import MeshSequence
-from deformer.sampling import farthest_points
+from deformer.geometry.geodesics import Geodesics
+from deformer.geometry.mesh import MeshSequence
+from deformer.geometry.sampling import farthest_points
 from shapes import awkward, bend, random_rotation, sequence, twist, two_components
 
 SHAPES = sequence(12)
@@ -74,7 +74,7 @@ def test_arap_follows_large_rotations_and_biharmonic_does_not(truth):
 
 def test_biharmonic_is_smooth_where_it_is_free():
     """The discrete bi-Laplacian of the displacement vanishes at every free vertex."""
-    from deformer.laplacian import cotan_weights
+    from deformer.geometry.laplacian import cotan_weights
 
     targets = REFERENCE[CONTROL] + 0.1 * np.random.default_rng(1).normal(size=(len(CONTROL), 3))
     method = Biharmonic().fit(SHAPES, 0)

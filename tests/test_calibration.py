@@ -12,8 +12,8 @@ from deformer.calibration import recovery_errors
 from deformer.config import PRESETS, ModelConfig
 from deformer.errors import InputError
 from deformer.factoring import factor
-from deformer.geodesics import Geodesics
-from deformer.sampling import farthest_points
+from deformer.geometry.geodesics import Geodesics
+from deformer.geometry.sampling import farthest_points
 from shapes import bend, sequence, tube, twist
 
 QUICK = replace(PRESETS["default"], components=4, epochs=4, mirrored=False)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy import sparse
 from scipy.sparse.linalg import splu
+from test_dissection import GRAPHS, NAMES, definite
 
 import deformer.cholesky
 from deformer.cholesky import SparseCholesky
 from shapes import icosphere, tube
-from test_dissection import GRAPHS, NAMES, definite
 from tolerances import tolerance
 
 

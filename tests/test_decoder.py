@@ -7,7 +7,7 @@ import torch
 from deformer.autoencoder import MeshAutoencoder
 from deformer.decoder import Decoder
 from deformer.features import FeatureScaler
-from deformer.mesh import one_rings
+from deformer.geometry.mesh import one_rings
 from shapes import awkward, tube
 
 SCALER = FeatureScaler(-1.5, 2.0, -0.3, 1.8)

@@ -7,7 +7,7 @@ import trimesh
 import deformer
 from deformer.config import resolve_config
 from deformer.denoising import remove_noise
-from deformer.mesh import MeshSequence, edges
+from deformer.geometry.mesh import MeshSequence, edges
 
 SEED = 3
 

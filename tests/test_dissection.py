@@ -5,7 +5,7 @@ import pytest
 from scipy import sparse
 
 from deformer.dissection import dissect
-from deformer.mesh import Mesh, edges
+from deformer.geometry.mesh import Mesh, edges
 from shapes import MESHES, icosphere, join, tube
 
 

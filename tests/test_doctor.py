@@ -8,7 +8,7 @@ import pytest
 
 from deformer import doctor, io
 from deformer.doctor import examine
-from deformer.mesh import MeshSequence
+from deformer.geometry.mesh import MeshSequence
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 

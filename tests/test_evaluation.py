@@ -18,8 +18,16 @@ from bars import bending_bar
 from deformer import InputError, MeshSequence
 from deformer.baselines import METHODS
 from deformer.config import PRESETS
-from deformer.evaluation import FAILURE, Setting, Source, Split, Study, evaluate, make_plan
-from deformer.evaluation import plan as plan_module
+from deformer.evaluation import (
+    FAILURE,
+    Setting,
+    Source,
+    Split,
+    Study,
+    evaluate,
+    make_plan,
+    plan as plan_module,
+)
 from deformer.evaluation.material import prepare
 from deformer.evaluation.presets import QUICK, paper_sources, paper_studies
 from deformer.evaluation.protocols import by_rotation, largest_rotations, sparse_control

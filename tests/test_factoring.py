@@ -14,7 +14,7 @@ from deformer.decoder import Decoder
 from deformer.errors import InputError
 from deformer.factoring import factor
 from deformer.features import FeatureExtractor, FeatureScaler, extract_all
-from deformer.geodesics import Geodesics
+from deformer.geometry.geodesics import Geodesics
 from deformer.localised import Factorisation
 from shapes import sequence
 

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from deformer import e_rms, extract_features, load_shapes, reconstruct
 from deformer.errors import InputError
@@ -16,9 +15,9 @@ from deformer.features import (
     extract_all,
     features_to_gradients,
 )
-from deformer.mesh import Mesh, MeshSequence, connected_components, edges
+from deformer.geometry.mesh import Mesh, MeshSequence, connected_components, edges
+from deformer.geometry.rotations import log_to_rotation
 from deformer.poisson import PoissonSystem
-from deformer.rotations import log_to_rotation
 from shapes import (
     MESHES,
     bend,

@@ -7,7 +7,7 @@ import pytest
 
 from deformer import Handle, HandleSolver
 from deformer.errors import InputError
-from deformer.rotations import log_to_rotation
+from deformer.geometry.rotations import log_to_rotation
 from shapes import large_model, small_model
 
 SPREAD = list(range(4, 120, 12))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from deformer import InputError, ShapePath, interpolate
-from deformer.rotations import align, log_to_rotation
+from deformer.geometry.rotations import align, log_to_rotation
 from shapes import bend, sequence, small_model
 
 

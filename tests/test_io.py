@@ -8,13 +8,12 @@ import igl
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from hypothesis.extra import numpy as hnp
 
 from deformer import io
 from deformer.errors import InputError
-from deformer.mesh import Mesh, MeshSequence
+from deformer.geometry.mesh import Mesh, MeshSequence
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 

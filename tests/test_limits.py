@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from deformer import HandleSolver, MeshSequence, fit_sequence, load_model, train
-from deformer.geodesics import Geodesics
+from deformer.geometry.geodesics import Geodesics
 from deformer.limits import choose_marks, fit_limits
 from shapes import bend, small_model, tube, two_components
 

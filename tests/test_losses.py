@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from deformer import losses
-from deformer.geodesics import Geodesics
+from deformer.geometry.geodesics import Geodesics
 from shapes import tube
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from deformer import HandleSolver, load_model
+from deformer.geometry.rotations import log_to_rotation
 from deformer.placement import FREE, Placement, fit_placement, surprise
-from deformer.rotations import log_to_rotation
 from shapes import icosphere, small_model
 
 TIGHT = Placement(0.02, 0.005)

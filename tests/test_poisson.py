@@ -5,10 +5,10 @@ import pytest
 
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor
-from deformer.laplacian import cotan_weights
-from deformer.mesh import Mesh, connected_components
+from deformer.geometry.laplacian import cotan_weights
+from deformer.geometry.mesh import Mesh, connected_components
+from deformer.geometry.rotations import log_to_rotation
 from deformer.poisson import PoissonSystem
-from deformer.rotations import log_to_rotation
 from shapes import (
     MESHES,
     bend,

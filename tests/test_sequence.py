@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 import deformer.sequence
 from deformer import HandleSolver, ModelConfig, fit_sequence, train
 from deformer.errors import InputError
-from deformer.rotations import log_to_rotation
+from deformer.geometry.rotations import log_to_rotation
 from shapes import large_model, sequence, small_model
 
 HANDLES = np.arange(4, 120, 12)

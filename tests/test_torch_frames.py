@@ -7,7 +7,7 @@ from deformer import torch_frames
 from deformer.basis import HandleBasis
 from deformer.differentials import arm_positions
 from deformer.frames import NumbaFrames
-from deformer.rotations import log_to_rotation
+from deformer.geometry.rotations import log_to_rotation
 from deformer.torch_frames import TorchFrames
 from shapes import large_model, small_model
 

@@ -16,7 +16,7 @@ from deformer.config import PRESETS
 from deformer.device import resolve_device
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor, FeatureScaler, extract_all
-from deformer.geodesics import Geodesics
+from deformer.geometry.geodesics import Geodesics
 from deformer.training import fit
 from shapes import sequence
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import deformer
 from deformer import DeformationModel, Pose, Uncertainty
-from deformer.metrics import vertex_errors
+from deformer.geometry import vertex_errors
 
 # Name → what a person reads.
 COLOURINGS = {

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import deformer
 from deformer import InputError, Mesh, io
-from deformer.sampling import spread
+from deformer.geometry import spread
 from deformer_app.colouring import component_paint
 from deformer_app.controller import Controller, Hover, Pixel
 from deformer_app.desk import Desk

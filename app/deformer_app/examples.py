@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 from deformer import load_mesh
-from deformer.metrics import vertex_errors
+from deformer.geometry import vertex_errors
 from deformer_app.camera import aim
 from deformer_app.pictures import BACKGROUND, Layer, contact_sheet, draw_bar, render
 

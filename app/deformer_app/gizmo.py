@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deformer.rotations import log_to_rotation
+from deformer.geometry import log_to_rotation
 from deformer_app.camera import Camera
 
 Mode = Literal["move", "rotate", "scale"]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import deformer
 from deformer import DeformationModel, InputError, MeshSequence, Synthesis, io
-from deformer.metrics import vertex_errors
+from deformer.geometry import vertex_errors
 from deformer.synthesis import Way, check_way
 from deformer_app import fitting
 from deformer_app.arguments import words

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deformer.errors import InputError
-from deformer.mesh import FloatArray, IntArray
+from deformer.geometry import FloatArray, IntArray
 
 
 def checked_shapes(vertices: ArrayLike, vertex_count: int) -> FloatArray:

@@ -13,10 +13,8 @@ from scipy import sparse
 
 from deformer.baselines._shell import Shell
 from deformer.cholesky import SparseCholesky
-from deformer.laplacian import cotan_weights
-from deformer.mesh import FloatArray, IntArray, connected_components
+from deformer.geometry import FloatArray, IntArray, connected_components, cotan_weights, polar
 from deformer.poisson import PoissonSystem
-from deformer.rotations import polar
 
 # Rounds of inverse iteration for the frames, and the shift that keeps their matrix definite.
 _ROUNDS = 4

@@ -13,9 +13,8 @@ import numpy as np
 from deformer.baselines._descent import damped_step, descend
 from deformer.baselines._gradient_space import GradientSpace
 from deformer.features import features_to_gradients
+from deformer.geometry import FloatArray, IntArray, log_to_rotation, right_jacobian
 from deformer.latent import LatentPrior
-from deformer.mesh import FloatArray, IntArray
-from deformer.rotations import log_to_rotation, right_jacobian
 from deformer.surface import schur_inverse
 
 # Prior standard deviation of the rigid rotation, radians, as in `deformer.objective`.

@@ -6,7 +6,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from deformer.mesh import FloatArray
+from deformer.geometry import FloatArray
 
 
 class Point(Protocol):

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 
 from deformer.baselines.method import Space
 from deformer.errors import InputError
-from deformer.mesh import FloatArray, IntArray, MeshSequence, connected_components
-from deformer.rotations import procrustes
+from deformer.geometry import FloatArray, IntArray, MeshSequence, connected_components, procrustes
 
 
 class Bending(ABC):

@@ -20,10 +20,9 @@ from deformer.baselines._gradient_space import GradientSpace
 from deformer.calibration import HandleFit, choose_noise, one_by_one
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor, FeatureScaler
-from deformer.geodesics import Geodesics
+from deformer.geometry import FloatArray, Geodesics, IntArray, MeshSequence
 from deformer.latent import fit_prior
 from deformer.localised import LocalisedSettings, localised_components
-from deformer.mesh import FloatArray, IntArray, MeshSequence
 from deformer.poisson import PoissonSystem
 
 # Root mean square strains that weigh as much as one standard deviation of the prior.

@@ -13,8 +13,8 @@ import numpy as np
 from deformer.baselines._descent import damped_step, descend
 from deformer.differentials import gradient_tangents
 from deformer.features import features_to_gradients
+from deformer.geometry import FloatArray
 from deformer.latent import LatentPrior
-from deformer.mesh import FloatArray
 from deformer.poisson import PoissonSystem
 
 # Components whose changes of the vertices are solved for at once: bounds memory.

@@ -17,7 +17,7 @@ from deformer.baselines._linear_basis import (
 )
 from deformer.baselines.method import Space
 from deformer.errors import InputError
-from deformer.mesh import FloatArray, IntArray, Mesh, MeshSequence
+from deformer.geometry import FloatArray, IntArray, Mesh, MeshSequence
 
 # Groups of training shapes that are left out in turn, at most.
 _GROUPS = 4

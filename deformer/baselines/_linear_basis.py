@@ -9,7 +9,7 @@ from itertools import product
 
 import numpy as np
 
-from deformer.mesh import FloatArray, IntArray
+from deformer.geometry import FloatArray, IntArray
 
 # What is tried for handles. Ridges, in units of the mean variance of a known coordinate under the
 # prior, the largest first: the first of equals is taken.

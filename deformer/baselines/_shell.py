@@ -18,7 +18,7 @@ from deformer.baselines._descent import descend
 from deformer.cholesky import SparseCholesky
 from deformer.dissection import Dissection
 from deformer.errors import InputError
-from deformer.mesh import FloatArray, IntArray, Mesh
+from deformer.geometry import FloatArray, IntArray, Mesh
 
 # Stiffness against stretch beside that against bending: a relative change of length by 0.1 weighs
 # as much as a change of angle by one radian.

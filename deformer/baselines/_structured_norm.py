@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from deformer.mesh import FloatArray, IntArray, Mesh, edges
+from deformer.geometry import FloatArray, IntArray, Mesh, edges
 from deformer.parallel import over_ranges
 
 # From the last dual on; 20, as in the authors' program, change the ninth digit of the objective.

@@ -7,7 +7,7 @@ from typing import ClassVar
 from deformer.baselines._gradient_method import GradientSplocsMethod
 from deformer.baselines.method import Space
 from deformer.features import extract_all
-from deformer.mesh import FloatArray
+from deformer.geometry import FloatArray
 
 
 class AcapSplocs(GradientSplocsMethod):

@@ -12,8 +12,8 @@ from deformer.baselines._checks import checked_codes, checked_handles, checked_s
 from deformer.baselines.method import Space
 from deformer.config import ModelConfig
 from deformer.errors import InputError
+from deformer.geometry import FloatArray, MeshSequence
 from deformer.handles import HandleSolver
-from deformer.mesh import FloatArray, MeshSequence
 from deformer.model import DeformationModel
 
 

@@ -9,8 +9,7 @@ from scipy import sparse
 
 from deformer.baselines._examples import Bending
 from deformer.cholesky import SparseCholesky
-from deformer.laplacian import cotan_weights
-from deformer.mesh import FloatArray, IntArray, Mesh
+from deformer.geometry import FloatArray, IntArray, Mesh, cotan_weights
 
 # Least share of the mean vertex area that a vertex counts.
 _SMALLEST_AREA = 1e-3

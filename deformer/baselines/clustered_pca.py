@@ -13,9 +13,7 @@ from deformer.baselines._linear import LinearMethod
 from deformer.baselines._linear_basis import LinearBasis
 from deformer.baselines.pca import principal_components
 from deformer.errors import InputError
-from deformer.geodesics import Geodesics
-from deformer.mesh import FloatArray, IntArray, Mesh
-from deformer.sampling import farthest_points
+from deformer.geometry import FloatArray, Geodesics, IntArray, Mesh, farthest_points
 
 # Vertices that are clustered; the others go with the nearest of them.
 _LANDMARKS = 500

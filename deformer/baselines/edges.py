@@ -19,12 +19,18 @@ from deformer.baselines._shell import Shell
 from deformer.baselines.method import Space
 from deformer.calibration import HandleFit, choose_noise, one_by_one
 from deformer.errors import InputError
-from deformer.geodesics import Geodesics
+from deformer.geometry import (
+    FloatArray,
+    Geodesics,
+    IntArray,
+    MeshSequence,
+    log_to_rotation,
+    procrustes,
+    rotation_to_log,
+)
 from deformer.latent import fit_prior
 from deformer.localised import LocalisedSettings, localised_components
-from deformer.mesh import FloatArray, IntArray, MeshSequence
 from deformer.poisson import PoissonSystem
-from deformer.rotations import log_to_rotation, procrustes, rotation_to_log
 
 # Misfits of an edge's feature that weigh as much as one standard deviation of the prior.
 NOISES = (0.01, 0.03, 0.1)

@@ -9,8 +9,7 @@ import numpy as np
 from deformer.baselines._gradient_method import GradientSplocsMethod
 from deformer.baselines.method import Space
 from deformer.features import STRETCH_COLUMNS, STRETCH_ROWS
-from deformer.mesh import FloatArray
-from deformer.rotations import polar, rotation_to_log
+from deformer.geometry import FloatArray, polar, rotation_to_log
 
 
 class GradientSplocs(GradientSplocsMethod):

@@ -16,8 +16,8 @@ from deformer.calibration import HandleFit, choose_noise, one_by_one
 from deformer.config import ModelConfig
 from deformer.errors import InputError
 from deformer.features import extract_all
+from deformer.geometry import FloatArray, IntArray, MeshSequence
 from deformer.latent import fit_prior
-from deformer.mesh import FloatArray, IntArray, MeshSequence
 from deformer.model import DeformationModel
 
 

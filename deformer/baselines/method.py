@@ -6,7 +6,7 @@ from typing import ClassVar, Literal, Protocol, Self
 
 from numpy.typing import ArrayLike
 
-from deformer.mesh import FloatArray, MeshSequence
+from deformer.geometry import FloatArray, MeshSequence
 
 # What a method's components are made of.
 Space = Literal["vertices", "gradients", "edges", "acap", "none"]

@@ -8,7 +8,7 @@ import numpy as np
 
 from deformer.baselines._linear import LinearMethod
 from deformer.baselines._linear_basis import LinearBasis
-from deformer.mesh import FloatArray, Mesh
+from deformer.geometry import FloatArray, Mesh
 
 
 class PCA(LinearMethod):

@@ -9,7 +9,7 @@ import numpy as np
 
 from deformer.baselines._examples import Bending
 from deformer.errors import InputError
-from deformer.mesh import FloatArray, IntArray
+from deformer.geometry import FloatArray, IntArray
 
 # libigl's iterations between two looks at whether vertices still move; a vertex moves less than
 # the tolerance (a share of the shape's size) at the end, or the rounds are spent.

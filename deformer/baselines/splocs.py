@@ -8,9 +8,8 @@ import numpy as np
 
 from deformer.baselines._linear import LinearMethod
 from deformer.baselines._linear_basis import LinearBasis
-from deformer.geodesics import Geodesics
+from deformer.geometry import FloatArray, Geodesics, Mesh
 from deformer.localised import LocalisedSettings, localised_components
-from deformer.mesh import FloatArray, Mesh
 
 
 class SPLOCS(LinearMethod):

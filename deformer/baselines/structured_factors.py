@@ -13,7 +13,7 @@ from deformer.baselines._linear import LinearMethod
 from deformer.baselines._linear_basis import LinearBasis
 from deformer.baselines._structured_norm import StructuredNorm, structured_norm
 from deformer.errors import InputError
-from deformer.mesh import FloatArray, IntArray, Mesh
+from deformer.geometry import FloatArray, IntArray, Mesh
 
 # λ_A of the authors' program.
 _CODE_WEIGHT = 1e-4

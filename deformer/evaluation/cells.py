@@ -14,9 +14,8 @@ from deformer.evaluation.material import Material, prepare
 from deformer.evaluation.methods import offers_codes, trained
 from deformer.evaluation.plan import EXAMPLE_COUNT, Cell, Job, Training
 from deformer.evaluation.rows import FAILURE, Row
+from deformer.geometry import FloatArray, Mesh, e_rms
 from deformer.io import save_mesh
-from deformer.mesh import FloatArray, Mesh
-from deformer.metrics import e_rms
 from deformer.parallel import one_blas_thread
 
 Errors = protocols.Errors

@@ -13,11 +13,16 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from deformer.evaluation.splits import Split
-from deformer.geodesics import Geodesics
+from deformer.geometry import (
+    FloatArray,
+    Geodesics,
+    IntArray,
+    Mesh,
+    MeshSequence,
+    align,
+    farthest_points,
+)
 from deformer.io import load_shapes
-from deformer.mesh import FloatArray, IntArray, Mesh, MeshSequence
-from deformer.rotations import align
-from deformer.sampling import farthest_points
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ from deformer.baselines.linear_components import LinearComponents
 from deformer.baselines.method import Poser
 from deformer.checkpoints import has_checkpoint
 from deformer.config import resolve_config
+from deformer.geometry import MeshSequence
 from deformer.learning import train
-from deformer.mesh import MeshSequence
 from deformer.model import DeformationModel
 from deformer.storage import load_model
 

@@ -9,9 +9,7 @@ import numpy as np
 from deformer.baselines.method import Method, Poser
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor, extract_all
-from deformer.mesh import FloatArray, IntArray, Mesh
-from deformer.metrics import e_rms, sted, sted_spatial
-from deformer.rotations import align
+from deformer.geometry import FloatArray, IntArray, Mesh, align, e_rms, sted, sted_spatial
 
 Errors = dict[str, float]
 

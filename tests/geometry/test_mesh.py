@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from deformer.errors import InputError
-from deformer.laplacian import MAX_COTAN_WEIGHT, MIN_COTAN_WEIGHT, cotan_weights
-from deformer.mesh import (
+from deformer.geometry.laplacian import MAX_COTAN_WEIGHT, MIN_COTAN_WEIGHT, cotan_weights
+from deformer.geometry.mesh import (
     Mesh,
     MeshSequence,
     connected_components,

@@ -11,7 +11,7 @@ import pytest
 
 from deformer import Geodesics, farthest_points
 from deformer.errors import InputError
-from deformer.mesh import Mesh, connected_components
+from deformer.geometry.mesh import Mesh, connected_components
 from shapes import awkward, icosphere, strip, tube, two_components
 
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 
 from deformer.errors import InputError
-from deformer.mesh import FloatArray, IntArray, Mesh
+from deformer.geometry.mesh import FloatArray, IntArray, Mesh
 
 _SAMPLES = 1500
 _ROUNDS = 30

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from deformer.errors import InputError
-from deformer.metrics import STED_TIME_STEP, e_rms, sted, sted_spatial, vertex_errors
+from deformer.geometry.metrics import STED_TIME_STEP, e_rms, sted, sted_spatial, vertex_errors
 from shapes import icosphere, random_rotation, sequence, strip
 
 

@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 
-from deformer.rotations import (
+from deformer.geometry.rotations import (
     log_to_rotation,
     polar,
     procrustes,

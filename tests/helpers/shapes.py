@@ -10,10 +10,10 @@ from functools import cache
 import numpy as np
 
 from deformer.config import PRESETS
+from deformer.geometry.mesh import Mesh, MeshSequence
+from deformer.geometry.rotations import log_to_rotation
 from deformer.learning import train
-from deformer.mesh import Mesh, MeshSequence
 from deformer.model import DeformationModel
-from deformer.rotations import log_to_rotation
 
 
 def _grid_faces(rows, columns, closed=False):

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deformer.errors import InputError
-from deformer.mesh import FloatArray, Mesh
+from deformer.geometry.mesh import FloatArray, Mesh
 
 
 class FaceStrain:

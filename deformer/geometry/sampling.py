@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deformer.errors import InputError
-from deformer.geodesics import Geodesics
-from deformer.mesh import FloatArray, IntArray
+from deformer.geometry.geodesics import Geodesics
+from deformer.geometry.mesh import FloatArray, IntArray
 
 
 def farthest_points(

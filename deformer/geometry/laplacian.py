@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
-from deformer.mesh import Mesh
+from deformer.geometry.mesh import Mesh
 
 # Bounds on the cotangent weight of an edge. Cotangents have no unit, so these hold at any scale.
 MIN_COTAN_WEIGHT = 1e-2

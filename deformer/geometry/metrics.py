@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from scipy.ndimage import uniform_filter1d
 
 from deformer.errors import InputError
-from deformer.mesh import FloatArray, edges
-from deformer.rotations import procrustes
+from deformer.geometry.mesh import FloatArray, edges
+from deformer.geometry.rotations import procrustes
 
 Alignment = Literal["none", "centroid", "rigid"]
 

@@ -11,7 +11,7 @@ import numpy as np
 import potpourri3d
 
 from deformer.errors import InputError
-from deformer.mesh import FloatArray, Mesh, connected_components
+from deformer.geometry.mesh import FloatArray, Mesh, connected_components
 
 
 class Geodesics:

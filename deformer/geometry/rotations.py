@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
-from deformer.mesh import FloatArray
+from deformer.geometry.mesh import FloatArray
 
 # Below this angle (radians) series replace the closed forms.
 _SMALL = 1e-3

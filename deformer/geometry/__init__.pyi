@@ -1,0 +1,46 @@
+from .geodesics import (
+    Geodesics as Geodesics,
+)
+from .laplacian import (
+    cotan_weights as cotan_weights,
+)
+from .mesh import (
+    FloatArray as FloatArray,
+    IntArray as IntArray,
+    Mesh as Mesh,
+    MeshSequence as MeshSequence,
+    connected_components as connected_components,
+    connectivity_hash as connectivity_hash,
+    edges as edges,
+    one_rings as one_rings,
+)
+from .metrics import (
+    e_rms as e_rms,
+    sted as sted,
+    sted_spatial as sted_spatial,
+    vertex_errors as vertex_errors,
+)
+from .rotations import (
+    align as align,
+    closest_rotation_ as closest_rotation_,
+    exp_ as exp_,
+    log_ as log_,
+    log_to_rotation as log_to_rotation,
+    polar as polar,
+    procrustes as procrustes,
+    right_jacobian as right_jacobian,
+    right_jacobian_ as right_jacobian_,
+    rotation_to_log as rotation_to_log,
+)
+from .sampling import (
+    farthest_points as farthest_points,
+    spread as spread,
+)
+from .strain import (
+    FaceStrain as FaceStrain,
+)
+from .symmetry import (
+    Symmetry as Symmetry,
+    find_symmetry as find_symmetry,
+    symmetry_about as symmetry_about,
+)
