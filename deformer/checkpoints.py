@@ -10,8 +10,8 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from deformer._atomic import atomic_path
 from deformer.errors import InputError
+from deformer.io import atomic_path
 
 _FORMAT = 1
 _FILE = "checkpoint.json"

@@ -97,7 +97,7 @@ def test_check_reports_facts_and_findings(run, run_json, shapes_path, tmp_path):
     shapes = bending_bar()
     one = deformer.MeshSequence(shapes.vertices[:1], shapes.faces)
     deformer.save_shapes(tmp_path / "one.npz", one)
-    assert not deformer.doctor.examine(one).usable
+    assert not deformer.io.preflight.examine(one).usable
     status, out, _ = run("check", tmp_path / "one.npz")
     assert status == 1
     assert "error" in out

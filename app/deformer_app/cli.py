@@ -75,7 +75,7 @@ def check(shapes: Shapes, as_json: Json = False) -> None:
 
     Exits with 1 if they cannot be trained on.
     """
-    from deformer import doctor
+    from deformer.io import preflight as doctor
 
     report = doctor.examine(_load_shapes(shapes))
     if as_json:
@@ -385,7 +385,8 @@ def _load_shapes(path: Path) -> MeshSequence:
 
 def _refuse_unusable(path: Path, shapes: MeshSequence) -> None:
     """Print the doctor's warnings; raise if there is an error among the findings."""
-    from deformer import InputError, doctor
+    from deformer import InputError
+    from deformer.io import preflight as doctor
 
     report = doctor.examine(shapes)
     errors = [finding.message for finding in report.findings if finding.severity == "error"]

@@ -6,7 +6,8 @@ import threading
 from pathlib import Path
 
 import deformer
-from deformer import InputError, doctor
+from deformer import InputError
+from deformer.io import preflight as doctor
 from deformer.training_loop import TrainingProgress
 
 

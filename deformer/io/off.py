@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from deformer._parsing import corner_indices, fan_triangles, positions
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
+from deformer.io.parsing import corner_indices, fan_triangles, positions
 
 # In these variants x y z lead every vertex line; colours, normals and texture coordinates follow.
 _HEADERS = (b"OFF", b"COFF", b"NOFF", b"CNOFF", b"STOFF", b"STCOFF", b"STNOFF", b"STCNOFF")

@@ -6,9 +6,9 @@ import re
 
 import numpy as np
 
-from deformer._parsing import corner_indices, fan_triangles, positions
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
+from deformer.io.parsing import corner_indices, fan_triangles, positions
 
 _CONTINUED = re.compile(rb"^[ \t]*[vf](?=[ \t\\])(?:[^\n]*\\\r?\n)+", re.MULTILINE)
 

@@ -6,9 +6,9 @@ import json
 
 import numpy as np
 
-from deformer._parsing import fan_triangles
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
+from deformer.io.parsing import fan_triangles
 
 _FLOAT = 5126
 _INDEX_TYPES = {5121: "u1", 5123: "<u2", 5125: "<u4"}

@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deformer import doctor, io
-from deformer.doctor import examine
+from deformer import io
 from deformer.geometry.mesh import MeshSequence
+from deformer.io import preflight as doctor
+from deformer.io.preflight import examine
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from deformer._parsing import positions
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
+from deformer.io.parsing import positions
 
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deformer._parsing import corner_indices, fan_triangles, positions
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
+from deformer.io.parsing import corner_indices, fan_triangles, positions
 
 _TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),

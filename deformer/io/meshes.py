@@ -19,9 +19,11 @@ from typing import Any, NoReturn
 import numpy as np
 from natsort import natsorted
 
-from deformer._atomic import PathLike, atomic_directory, atomic_path, read_bytes
-from deformer._glb import read_glb, write_glb
-from deformer._json_files import (
+from deformer.errors import InputError
+from deformer.geometry import FloatArray, IntArray, Mesh, MeshSequence
+from deformer.io.atomic import PathLike, atomic_directory, atomic_path, read_bytes
+from deformer.io.glb import read_glb, write_glb
+from deformer.io.json_files import (
     HandleFile,
     HandleTarget,
     load_handles,
@@ -29,12 +31,10 @@ from deformer._json_files import (
     read_json,
     write_json,
 )
-from deformer._obj import ObjReader, write_obj
-from deformer._off import read_off, write_off
-from deformer._ply import read_ply, write_ply
-from deformer._stl import StlReader, write_stl
-from deformer.errors import InputError
-from deformer.geometry import FloatArray, IntArray, Mesh, MeshSequence
+from deformer.io.obj import ObjReader, write_obj
+from deformer.io.off import read_off, write_off
+from deformer.io.ply import read_ply, write_ply
+from deformer.io.stl import StlReader, write_stl
 
 __all__ = [
     "MESH_SUFFIXES",

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from deformer._atomic import PathLike, atomic_path, read_bytes
 from deformer.errors import InputError
+from deformer.io.atomic import PathLike, atomic_path, read_bytes
 
 
 def write_json(path: PathLike, data: Any) -> None:

@@ -1,0 +1,9 @@
+"""Reading and writing: meshes in five formats, JSON and NPZ files, and checks before work starts.
+
+The names that other packages may use are listed in `__init__.pyi`; each is loaded when it is
+first asked for.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,31 @@
+from . import (
+    atomic as atomic,
+    glb as glb,
+    json_files as json_files,
+    meshes as meshes,
+    obj as obj,
+    off as off,
+    parsing as parsing,
+    ply as ply,
+    preflight as preflight,
+    stl as stl,
+)
+from .atomic import (
+    atomic_directory as atomic_directory,
+    atomic_path as atomic_path,
+)
+from .json_files import (
+    HandleFile as HandleFile,
+    HandleTarget as HandleTarget,
+    load_handles as load_handles,
+    load_split as load_split,
+    write_json as write_json,
+)
+from .meshes import (
+    MESH_SUFFIXES as MESH_SUFFIXES,
+    load_mesh as load_mesh,
+    load_shapes as load_shapes,
+    save_mesh as save_mesh,
+    save_shapes as save_shapes,
+    write_npz as write_npz,
+)
