@@ -26,12 +26,11 @@ from scipy.spatial import KDTree
 
 import deformer
 from deformer.autoencoder import MeshAutoencoder
-from deformer.cholesky import SparseCholesky
 from deformer.geometry import align, one_rings
 from deformer.handles import HandleSolver
 from deformer.latent import fit_prior
+from deformer.linalg import SparseCholesky, over_ranges
 from deformer.objective import HandleObjective
-from deformer.parallel import over_ranges
 from deformer.surface import Surface
 
 STAGES = {

@@ -17,7 +17,7 @@ from scipy import sparse
 from deformer.autoencoder import GraphConv, MeshAutoencoder
 from deformer.features import FeatureScaler
 from deformer.geometry import FloatArray, IntArray
-from deformer.parallel import over_ranges
+from deformer.linalg import over_ranges
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from deformer.cholesky import SparseCholesky
 from deformer.geometry import FloatArray, MeshSequence, edges, polar
+from deformer.linalg import SparseCholesky
 
 # Fewer shapes do not tell what they have in common.
 _FEWEST = 4

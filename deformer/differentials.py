@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from deformer.features import features_to_gradients
 from deformer.geometry import FloatArray, exp_, right_jacobian_
-from deformer.parallel import over_ranges, scratch
+from deformer.linalg import over_ranges, scratch
 
 # Vertices whose tangents are there at once: their memory must not grow with the mesh.
 _PORTION = 8192

@@ -17,7 +17,6 @@ from numba import njit
 from numpy.typing import ArrayLike
 from scipy import sparse
 
-from deformer.cholesky import SparseCholesky
 from deformer.errors import InputError
 from deformer.geometry import (
     FloatArray,
@@ -31,7 +30,7 @@ from deformer.geometry import (
     log_to_rotation,
     one_rings,
 )
-from deformer.parallel import over_ranges
+from deformer.linalg import SparseCholesky, over_ranges
 from deformer.rotation_field import continuous_logs
 
 Progress = Callable[[int, int], None]

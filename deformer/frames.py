@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from deformer.basis import HandleBasis
 from deformer.geometry import FloatArray
-from deformer.parallel import each
+from deformer.linalg import each
 
 # Steps of the local rotation fits: in the first round and in later ones.
 FIRST_TURNS = 8

@@ -15,9 +15,9 @@ from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, spread
 from deformer.handle_positions import CorrectedHandles, Handles
 from deformer.latent import LatentPrior
+from deformer.linalg import one_blas_thread
 from deformer.model import DeformationModel
 from deformer.objective import HandleObjective
-from deformer.parallel import one_blas_thread
 from deformer.poses import Handle, Pose, check_handles
 
 # Cold solves try this many of the training codes (spread over the latent space), descend from the

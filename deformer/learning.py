@@ -16,7 +16,6 @@ from deformer.checkpoints import has_checkpoint
 from deformer.config import ModelConfig, resolve_config
 from deformer.decoder import Decoder
 from deformer.denoising import remove_noise
-from deformer.device import resolve_device
 from deformer.errors import InputError
 from deformer.factoring import factor
 from deformer.features import FeatureExtractor, FeatureScaler, extract_all
@@ -24,6 +23,7 @@ from deformer.geometry import FloatArray, Geodesics, IntArray, Mesh, MeshSequenc
 from deformer.handles import HandleSolver
 from deformer.latent import fit_prior
 from deformer.limits import choose_marks, fit_limits
+from deformer.linalg import resolve_device
 from deformer.mirroring import images_explain, mirror_images
 from deformer.model import DeformationModel, encode_features
 from deformer.placement import fit_placement

@@ -14,7 +14,7 @@ from numba import njit
 from deformer.decoder import Decoder
 from deformer.geometry import FloatArray
 from deformer.lanes import LANES, decode, gradients
-from deformer.parallel import ranges, together
+from deformer.linalg import ranges, together
 
 # Blocks below which a second thread does not pay.
 _SHARE = 16

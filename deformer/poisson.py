@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 from scipy.spatial import KDTree
 
-from deformer.cholesky import SparseCholesky
 from deformer.errors import InputError
 from deformer.features import features_to_gradients
 from deformer.geometry import (
@@ -21,7 +20,7 @@ from deformer.geometry import (
     connected_components,
     cotan_weights,
 )
-from deformer.parallel import over_ranges
+from deformer.linalg import SparseCholesky, over_ranges
 
 # Tension beside bending, over the reference's area: bends die away within a tenth of its size.
 _TENSION = 100.0

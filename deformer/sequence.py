@@ -16,14 +16,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deformer.basis import HandleBasis
-from deformer.device import resolve_device
 from deformer.errors import InputError
 from deformer.frames import Boolean, Frames, NumbaFrames
 from deformer.geometry import FloatArray, IntArray, log_to_rotation, right_jacobian
 from deformer.handles import HandleSolver
+from deformer.linalg import each, one_blas_thread, resolve_device
 from deformer.model import DeformationModel
 from deformer.objective import HandleObjective
-from deformer.parallel import each, one_blas_thread
 from deformer.poses import check_handles
 from deformer.roughness import Roughness
 from deformer.torch_frames import TorchFrames

@@ -27,7 +27,7 @@ from deformer.lanes import (
     rhs,
     turned_rhs,
 )
-from deformer.parallel import CORES, begin, finish, over_ranges, ranges, together
+from deformer.linalg import CORES, begin, finish, over_ranges, ranges, together
 from deformer.poisson import PoissonSystem
 
 # Blocks below which a second thread does not pay.

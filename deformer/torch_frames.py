@@ -12,14 +12,13 @@ import torch
 from torch import Tensor
 
 from deformer.basis import HandleBasis
-from deformer.cholesky import SparseCholesky
 from deformer.decoder import Decoder
-from deformer.device import resolve_device
 from deformer.errors import InputError
 from deformer.features import STRETCH_COLUMNS, STRETCH_ROWS
 from deformer.frames import FIRST_TURNS, TURNS, Boolean
 from deformer.geometry import FloatArray
 from deformer.lanes import DAMPING, FARTHEST, FURTHER
+from deformer.linalg import SparseCholesky, resolve_device
 from deformer.surface import schur_inverse
 
 # Numbers of a batch: frames times vertices times nine.

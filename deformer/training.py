@@ -13,8 +13,8 @@ from torch import Tensor
 from deformer import losses
 from deformer.autoencoder import MeshAutoencoder
 from deformer.config import ModelConfig
-from deformer.device import resolve_device
 from deformer.geometry import FloatArray, Geodesics, IntArray
+from deformer.linalg import resolve_device
 from deformer.training_loop import (
     ProgressCallback,
     State,

@@ -13,10 +13,10 @@ from safetensors.torch import load_file
 
 from deformer import losses
 from deformer.config import PRESETS
-from deformer.device import resolve_device
 from deformer.errors import InputError
 from deformer.features import FeatureExtractor, FeatureScaler, extract_all
 from deformer.geometry.geodesics import Geodesics
+from deformer.linalg.device import resolve_device
 from deformer.training import fit
 from shapes import sequence
 

@@ -15,10 +15,9 @@ from numba import njit
 from scipy import sparse
 
 from deformer.baselines._descent import descend
-from deformer.cholesky import SparseCholesky
-from deformer.dissection import Dissection
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, Mesh
+from deformer.linalg import Dissection, SparseCholesky
 
 # Stiffness against stretch beside that against bending: a relative change of length by 0.1 weighs
 # as much as a change of angle by one radian.

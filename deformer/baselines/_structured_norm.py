@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from deformer.geometry import FloatArray, IntArray, Mesh, edges
-from deformer.parallel import over_ranges
+from deformer.linalg import over_ranges
 
 # From the last dual on; 20, as in the authors' program, change the ninth digit of the objective.
 _ITERATIONS = 5

@@ -8,8 +8,8 @@ import numpy as np
 from scipy import sparse
 
 from deformer.baselines._examples import Bending
-from deformer.cholesky import SparseCholesky
 from deformer.geometry import FloatArray, IntArray, Mesh, cotan_weights
+from deformer.linalg import SparseCholesky
 
 # Least share of the mean vertex area that a vertex counts.
 _SMALLEST_AREA = 1e-3

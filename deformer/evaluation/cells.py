@@ -16,7 +16,7 @@ from deformer.evaluation.plan import EXAMPLE_COUNT, Cell, Job, Training
 from deformer.evaluation.rows import FAILURE, Row
 from deformer.geometry import FloatArray, Mesh, e_rms
 from deformer.io import save_mesh
-from deformer.parallel import one_blas_thread
+from deformer.linalg import one_blas_thread
 
 Errors = protocols.Errors
 

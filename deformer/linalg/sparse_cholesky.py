@@ -17,9 +17,9 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 
-from deformer.dissection import Dissection, dissect
 from deformer.geometry import FloatArray, IntArray
-from deformer.parallel import CORES, together
+from deformer.linalg.nested_dissection import Dissection, dissect
+from deformer.linalg.threads import CORES, together
 
 # Parts below this many rows are not worth a thread of their own.
 _SMALLEST_PART = 8000

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from deformer.dissection import dissect
 from deformer.geometry.mesh import Mesh, edges
+from deformer.linalg.nested_dissection import dissect
 from shapes import MESHES, icosphere, join, tube
 
 

@@ -8,8 +8,8 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 from test_dissection import GRAPHS, NAMES, definite
 
-import deformer.cholesky
-from deformer.cholesky import SparseCholesky
+import deformer.linalg.sparse_cholesky
+from deformer.linalg.sparse_cholesky import SparseCholesky
 from shapes import icosphere, tube
 from tolerances import tolerance
 
