@@ -1,10 +1,17 @@
 """Deformer: drag a few points of a mesh; a prior learned from example shapes moves the rest."""
 
+from deformer.acap import (
+    FeatureExtractor,
+    FeatureScaler,
+    PoissonSystem,
+    extract_features,
+    reconstruct,
+    vertex_normals,
+)
 from deformer.activations import Activations, Familiarity
 from deformer.components import Component, ComponentAnalysis
 from deformer.config import ModelConfig
 from deformer.errors import InputError
-from deformer.features import FeatureExtractor, FeatureScaler, extract_features, vertex_normals
 from deformer.geometry import (
     FaceStrain,
     Geodesics,
@@ -21,7 +28,6 @@ from deformer.interpolation import ShapePath, interpolate
 from deformer.io import load_mesh, load_shapes, save_mesh, save_shapes
 from deformer.learning import train
 from deformer.model import DeformationModel
-from deformer.poisson import PoissonSystem, reconstruct
 from deformer.poses import Handle, Pose
 from deformer.sequence import SequenceFit, fit_sequence
 from deformer.storage import load_model, save_names, shipped_models

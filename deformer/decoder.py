@@ -14,8 +14,8 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 
+from deformer.acap import FeatureScaler
 from deformer.autoencoder import GraphConv, MeshAutoencoder
-from deformer.features import FeatureScaler
 from deformer.geometry import FloatArray, IntArray
 from deformer.linalg import over_ranges
 

@@ -15,10 +15,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from deformer.acap import FeatureScaler
 from deformer.autoencoder import MeshAutoencoder
 from deformer.config import FEATURES, ModelConfig
 from deformer.errors import InputError
-from deformer.features import FeatureScaler
 from deformer.geometry import FloatArray, Geodesics, IntArray
 from deformer.localised import Factorisation, LocalisedSettings
 from deformer.training_loop import (

@@ -6,12 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
+from deformer.acap import arm_jacobian, arm_positions, arm_sensitivities
 from deformer.decoder import Decoder
-from deformer.differentials import (
-    arm_jacobian,
-    arm_positions,
-    arm_sensitivities,
-)
 from deformer.geometry import FloatArray
 
 

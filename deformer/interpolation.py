@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from deformer.acap import extract_all
 from deformer.errors import InputError
-from deformer.features import extract_all
 from deformer.geometry import (
     FloatArray,
     IntArray,

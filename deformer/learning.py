@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from deformer.acap import FeatureExtractor, FeatureScaler, extract_all
 from deformer.autoencoder import MeshAutoencoder
 from deformer.calibration import HandleFit, recoveries, recovery_errors
 from deformer.checkpoints import has_checkpoint
@@ -18,7 +19,6 @@ from deformer.decoder import Decoder
 from deformer.denoising import remove_noise
 from deformer.errors import InputError
 from deformer.factoring import factor
-from deformer.features import FeatureExtractor, FeatureScaler, extract_all
 from deformer.geometry import FloatArray, Geodesics, IntArray, Mesh, MeshSequence, align, e_rms
 from deformer.handles import HandleSolver
 from deformer.latent import fit_prior

@@ -6,9 +6,14 @@ import igl
 import numpy as np
 from scipy import sparse
 
-from deformer.features import STRETCH_COLUMNS, STRETCH_ROWS, FeatureExtractor, extract_all
+from deformer.acap import (
+    STRETCH_COLUMNS,
+    STRETCH_ROWS,
+    FeatureExtractor,
+    PoissonSystem,
+    extract_all,
+)
 from deformer.geometry import FloatArray, IntArray, Mesh, MeshSequence, Symmetry, find_symmetry
-from deformer.poisson import PoissonSystem
 
 # Shapes mirrored at once: bounded memory.
 _BATCH = 40

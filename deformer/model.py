@@ -13,18 +13,22 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike
 
+from deformer.acap import (
+    FeatureExtractor,
+    FeatureScaler,
+    PoissonSystem,
+    extract_all,
+    gradient_tangents,
+)
 from deformer.autoencoder import MeshAutoencoder
 from deformer.config import ModelConfig
 from deformer.decoder import Decoder
-from deformer.differentials import gradient_tangents
 from deformer.errors import InputError
-from deformer.features import FeatureExtractor, FeatureScaler, extract_all
 from deformer.geometry import FloatArray, Geodesics, IntArray, Mesh, align, one_rings
 from deformer.latent import LatentPrior
 from deformer.limits import BendLimits
 from deformer.naming import check_names, find_component
 from deformer.placement import Placement
-from deformer.poisson import PoissonSystem
 
 # Latent components whose tangents are solved at once in `DeformationModel.fit`: bounds memory.
 _TANGENT_BATCH = 10

@@ -14,10 +14,10 @@ import torch
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save
 
+from deformer.acap import FeatureScaler
 from deformer.autoencoder import MeshAutoencoder
 from deformer.config import ModelConfig
 from deformer.errors import InputError
-from deformer.features import FeatureScaler
 from deformer.geometry import FloatArray, connectivity_hash, one_rings
 from deformer.io import atomic_directory, load_mesh, save_mesh, write_json
 from deformer.latent import LatentPrior

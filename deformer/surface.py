@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from deformer.acap import PoissonSystem
 from deformer.decoder import Decoder
 from deformer.geometry import FloatArray, IntArray
 from deformer.lanes import (
@@ -28,7 +29,6 @@ from deformer.lanes import (
     turned_rhs,
 )
 from deformer.linalg import CORES, begin, finish, over_ranges, ranges, together
-from deformer.poisson import PoissonSystem
 
 # Blocks below which a second thread does not pay.
 _SHARE = 128

@@ -11,10 +11,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from deformer.acap import STRETCH_COLUMNS, STRETCH_ROWS
 from deformer.basis import HandleBasis
 from deformer.decoder import Decoder
 from deformer.errors import InputError
-from deformer.features import STRETCH_COLUMNS, STRETCH_ROWS
 from deformer.frames import FIRST_TURNS, TURNS, Boolean
 from deformer.geometry import FloatArray
 from deformer.lanes import DAMPING, FARTHEST, FURTHER

@@ -128,7 +128,7 @@ def test_layers_are_found_in_every_form_of_import(tmp_path):
     lines = [
         "import deformer.io",
         "from deformer import mesh",
-        "from deformer.poisson import X",
+        "from deformer.acap.poisson import X",
         "def f():",
         "    from deformer.model import load_model",
         "    import deformer",

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deformer.acap.poisson import PoissonSystem
 from deformer.baselines._connection import Connection
 from deformer.baselines._edge_space import EdgeDeformation, EdgeSpace, _Fit, laid_on
 from deformer.baselines._shell import Shell
@@ -16,7 +17,6 @@ from deformer.geometry.metrics import e_rms
 from deformer.io.meshes import load_shapes
 from deformer.latent import LatentPrior
 from deformer.localised import LocalisedSettings
-from deformer.poisson import PoissonSystem
 from shapes import (
     bend,
     icosphere,

@@ -5,6 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from deformer.acap.features import FeatureExtractor, extract_all, features_to_gradients
+from deformer.acap.poisson import PoissonSystem
 from deformer.baselines import _data_driven
 from deformer.baselines._checks import checked_handles, checked_shapes
 from deformer.baselines._data_driven import DataDrivenDeformation, _Control, _Fit
@@ -15,14 +17,12 @@ from deformer.baselines.gradients import GradientSplocs
 from deformer.baselines.linear_components import LinearComponents
 from deformer.calibration import choose_noise, one_by_one
 from deformer.errors import InputError
-from deformer.features import FeatureExtractor, extract_all, features_to_gradients
 from deformer.geometry.geodesics import Geodesics
 from deformer.geometry.mesh import MeshSequence
 from deformer.geometry.metrics import e_rms
 from deformer.geometry.rotations import log_to_rotation, polar
 from deformer.latent import LatentPrior, fit_prior
 from deformer.localised import LocalisedSettings
-from deformer.poisson import PoissonSystem
 from deformer.surface import schur_inverse
 from shapes import random_rotation, sequence, small_model, tube, twist
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
+from deformer.acap.features import FeatureScaler
 from deformer.autoencoder import MeshAutoencoder
 from deformer.decoder import Decoder
-from deformer.features import FeatureScaler
 from deformer.geometry.mesh import one_rings
 from shapes import awkward, tube
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import torch
 
+from deformer.acap.features import FeatureExtractor, FeatureScaler, extract_all
 from deformer.checkpoints import has_checkpoint
 from deformer.config import PRESETS, ModelConfig
 from deformer.decoder import Decoder
 from deformer.errors import InputError
 from deformer.factoring import factor
-from deformer.features import FeatureExtractor, FeatureScaler, extract_all
 from deformer.geometry.geodesics import Geodesics
 from deformer.localised import Factorisation
 from shapes import sequence

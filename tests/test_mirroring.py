@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from deformer import mirroring
-from deformer.features import features_to_gradients
+from deformer.acap.features import features_to_gradients
 from deformer.geometry.mesh import MeshSequence
 from deformer.geometry.metrics import e_rms
 from deformer.mirroring import _unexplained, images_explain, mirror_images, reflected

@@ -11,9 +11,9 @@ import pytest
 import torch
 
 from deformer import e_rms, load_model, save_mesh, shipped_models, train
+from deformer.acap.features import FeatureExtractor
 from deformer.config import ModelConfig
 from deformer.errors import InputError
-from deformer.features import FeatureExtractor
 from deformer.geometry.mesh import Mesh, MeshSequence
 from deformer.geometry.rotations import align
 from shapes import random_rotation, sequence, small_model, tube

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from deformer.differentials import arm_positions, arm_sensitivities
+from deformer.acap.jacobians import arm_positions, arm_sensitivities
 from deformer.packed import PackedDecoder, PackedHandles
 
 K = 7

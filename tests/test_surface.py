@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from deformer.features import FeatureExtractor, features_to_gradients
+from deformer.acap.features import FeatureExtractor, features_to_gradients
+from deformer.acap.poisson import PoissonSystem
 from deformer.geometry.mesh import Mesh, MeshSequence
 from deformer.geometry.rotations import log_to_rotation, polar
 from deformer.lanes import fit_step
-from deformer.poisson import PoissonSystem
 from deformer.surface import Surface, schur_inverse
 from shapes import MESHES, bend, icosphere, random_rotation
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from deformer import torch_frames
+from deformer.acap.jacobians import arm_positions
 from deformer.basis import HandleBasis
-from deformer.differentials import arm_positions
 from deformer.frames import NumbaFrames
 from deformer.geometry.rotations import log_to_rotation
 from deformer.torch_frames import TorchFrames

@@ -12,9 +12,9 @@ import torch
 from safetensors.torch import load_file
 
 from deformer import losses
+from deformer.acap.features import FeatureExtractor, FeatureScaler, extract_all
 from deformer.config import PRESETS
 from deformer.errors import InputError
-from deformer.features import FeatureExtractor, FeatureScaler, extract_all
 from deformer.geometry.geodesics import Geodesics
 from deformer.linalg.device import resolve_device
 from deformer.training import fit

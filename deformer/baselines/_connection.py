@@ -11,10 +11,10 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
+from deformer.acap import PoissonSystem
 from deformer.baselines._shell import Shell
 from deformer.geometry import FloatArray, IntArray, connected_components, cotan_weights, polar
 from deformer.linalg import SparseCholesky
-from deformer.poisson import PoissonSystem
 
 # Rounds of inverse iteration for the frames, and the shift that keeps their matrix definite.
 _ROUNDS = 4

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deformer.acap import features_to_gradients
 from deformer.baselines._descent import damped_step, descend
 from deformer.baselines._gradient_space import GradientSpace
-from deformer.features import features_to_gradients
 from deformer.geometry import FloatArray, IntArray, log_to_rotation, right_jacobian
 from deformer.latent import LatentPrior
 from deformer.surface import schur_inverse

@@ -8,13 +8,13 @@ from functools import lru_cache
 import numpy as np
 from scipy import sparse
 
+from deformer.acap import PoissonSystem
 from deformer.baselines._connection import Connection
 from deformer.baselines._descent import damped_step, descend
 from deformer.baselines._gradient_space import faint_pull, least_inverse
 from deformer.baselines._shell import SHORTER, Shell
 from deformer.geometry import FloatArray, IntArray, procrustes
 from deformer.latent import LatentPrior
-from deformer.poisson import PoissonSystem
 from deformer.surface import schur_inverse
 
 # Energies' relative gain that ends a reconstruction, and its most steps.

@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from deformer.acap import FeatureExtractor, FeatureScaler, PoissonSystem
 from deformer.baselines._checks import (
     checked_codes,
     checked_handles,
@@ -19,11 +20,9 @@ from deformer.baselines._data_driven import DataDrivenDeformation
 from deformer.baselines._gradient_space import GradientSpace
 from deformer.calibration import HandleFit, choose_noise, one_by_one
 from deformer.errors import InputError
-from deformer.features import FeatureExtractor, FeatureScaler
 from deformer.geometry import FloatArray, Geodesics, IntArray, MeshSequence
 from deformer.latent import fit_prior
 from deformer.localised import LocalisedSettings, localised_components
-from deformer.poisson import PoissonSystem
 
 # Root mean square strains that weigh as much as one standard deviation of the prior.
 NOISES = (0.003, 0.006, 0.012, 0.025)

@@ -10,12 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deformer.acap import PoissonSystem, features_to_gradients, gradient_tangents
 from deformer.baselines._descent import damped_step, descend
-from deformer.differentials import gradient_tangents
-from deformer.features import features_to_gradients
 from deformer.geometry import FloatArray
 from deformer.latent import LatentPrior
-from deformer.poisson import PoissonSystem
 
 # Components whose changes of the vertices are solved for at once: bounds memory.
 _BATCH = 16

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from deformer.acap import extract_all
 from deformer.baselines._gradient_method import GradientSplocsMethod
 from deformer.baselines.method import Space
-from deformer.features import extract_all
 from deformer.geometry import FloatArray
 
 

@@ -8,6 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from deformer.acap import PoissonSystem
 from deformer.baselines._checks import (
     checked_codes,
     checked_handles,
@@ -30,7 +31,6 @@ from deformer.geometry import (
 )
 from deformer.latent import fit_prior
 from deformer.localised import LocalisedSettings, localised_components
-from deformer.poisson import PoissonSystem
 
 # Misfits of an edge's feature that weigh as much as one standard deviation of the prior.
 NOISES = (0.01, 0.03, 0.1)

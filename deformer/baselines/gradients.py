@@ -6,9 +6,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from deformer.acap import STRETCH_COLUMNS, STRETCH_ROWS
 from deformer.baselines._gradient_method import GradientSplocsMethod
 from deformer.baselines.method import Space
-from deformer.features import STRETCH_COLUMNS, STRETCH_ROWS
 from deformer.geometry import FloatArray, polar, rotation_to_log
 
 

@@ -6,6 +6,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from deformer.acap import extract_all
 from deformer.activations import Activations
 from deformer.baselines._data_driven import DataDrivenDeformation
 from deformer.baselines._gradient_method import NOISES, GradientMethod
@@ -15,7 +16,6 @@ from deformer.baselines.method import Space
 from deformer.calibration import HandleFit, choose_noise, one_by_one
 from deformer.config import ModelConfig
 from deformer.errors import InputError
-from deformer.features import extract_all
 from deformer.geometry import FloatArray, IntArray, MeshSequence
 from deformer.latent import fit_prior
 from deformer.model import DeformationModel

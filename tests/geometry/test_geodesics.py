@@ -158,7 +158,7 @@ _MEMORY = """
 import json, resource, sys
 import numpy as np
 from deformer import Geodesics, PoissonSystem, farthest_points
-from deformer.features import FeatureExtractor
+from deformer.acap.features import FeatureExtractor
 from shapes import icosphere, strip, tube
 
 unit = 1 if sys.platform == "darwin" else 1024

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from deformer.features import features_to_gradients
+from deformer.acap.features import features_to_gradients
 from deformer.geometry import FloatArray, exp_, right_jacobian_
 from deformer.linalg import over_ranges, scratch
 

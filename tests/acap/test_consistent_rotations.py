@@ -5,11 +5,11 @@ import itertools
 import numpy as np
 import pytest
 
-from deformer.features import FeatureExtractor
+from deformer.acap.consistent_rotations import MAX_EDGE_JUMP, continuous_logs
+from deformer.acap.features import FeatureExtractor
+from deformer.acap.poisson import PoissonSystem
 from deformer.geometry.mesh import connected_components, edges, one_rings
 from deformer.geometry.rotations import log_to_rotation, rotation_to_log
-from deformer.poisson import PoissonSystem
-from deformer.rotation_field import MAX_EDGE_JUMP, continuous_logs
 from shapes import join, random_rotation, spiral, strip, tube, twist, two_components
 
 # What noise adds to the bound that the module promises, radians.

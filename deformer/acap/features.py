@@ -17,6 +17,7 @@ from numba import njit
 from numpy.typing import ArrayLike
 from scipy import sparse
 
+from deformer.acap.consistent_rotations import continuous_logs
 from deformer.errors import InputError
 from deformer.geometry import (
     FloatArray,
@@ -31,7 +32,6 @@ from deformer.geometry import (
     one_rings,
 )
 from deformer.linalg import SparseCholesky, over_ranges
-from deformer.rotation_field import continuous_logs
 
 Progress = Callable[[int, int], None]
 

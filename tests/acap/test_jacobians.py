@@ -3,13 +3,9 @@
 import numpy as np
 import pytest
 
-from deformer.differentials import (
-    arm_positions,
-    arm_sensitivities,
-    gradient_tangents,
-)
-from deformer.features import FeatureExtractor, features_to_gradients
-from deformer.poisson import PoissonSystem
+from deformer.acap.features import FeatureExtractor, features_to_gradients
+from deformer.acap.jacobians import arm_positions, arm_sensitivities, gradient_tangents
+from deformer.acap.poisson import PoissonSystem
 from shapes import awkward, bend, tube, twist, two_components
 
 MESHES = {"tube": tube(), "components": two_components(), "awkward": awkward()}

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 from scipy.spatial import KDTree
 
+from deformer.acap.features import features_to_gradients
 from deformer.errors import InputError
-from deformer.features import features_to_gradients
 from deformer.geometry import (
     FloatArray,
     IntArray,

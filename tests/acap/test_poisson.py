@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from deformer.acap.features import FeatureExtractor
+from deformer.acap.poisson import PoissonSystem
 from deformer.errors import InputError
-from deformer.features import FeatureExtractor
 from deformer.geometry.laplacian import cotan_weights
 from deformer.geometry.mesh import Mesh, connected_components
 from deformer.geometry.rotations import log_to_rotation
-from deformer.poisson import PoissonSystem
 from shapes import (
     MESHES,
     bend,

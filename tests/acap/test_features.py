@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from deformer import e_rms, extract_features, load_shapes, reconstruct
-from deformer.errors import InputError
-from deformer.features import (
+from deformer.acap.features import (
     FeatureExtractor,
     FeatureScaler,
     extract_all,
     features_to_gradients,
 )
+from deformer.acap.poisson import PoissonSystem
+from deformer.errors import InputError
 from deformer.geometry.mesh import Mesh, MeshSequence, connected_components, edges
 from deformer.geometry.rotations import log_to_rotation
-from deformer.poisson import PoissonSystem
 from shapes import (
     MESHES,
     bend,
