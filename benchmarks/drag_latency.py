@@ -25,11 +25,11 @@ from rich.table import Table
 from scipy.spatial import KDTree
 
 import deformer
-from deformer.autoencoder import MeshAutoencoder
 from deformer.geometry import align, one_rings
 from deformer.handles import HandleSolver
 from deformer.latent import fit_prior
 from deformer.linalg import SparseCholesky, over_ranges
+from deformer.network import MeshAutoencoder
 from deformer.objective import HandleObjective
 from deformer.surface import Surface
 

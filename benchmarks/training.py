@@ -18,14 +18,11 @@ import torch
 from rich.console import Console
 from rich.progress import Progress
 
-from deformer import losses
 from deformer.acap import FeatureExtractor, FeatureScaler, extract_all
-from deformer.autoencoder import MeshAutoencoder
-from deformer.config import resolve_config
-from deformer.decoder import Decoder
 from deformer.factoring import factor
 from deformer.geometry import Geodesics
 from deformer.io import load_shapes
+from deformer.network import Decoder, MeshAutoencoder, losses, resolve_config
 
 
 def main() -> None:

@@ -10,7 +10,6 @@ from deformer.acap import (
 )
 from deformer.activations import Activations, Familiarity
 from deformer.components import Component, ComponentAnalysis
-from deformer.config import ModelConfig
 from deformer.errors import InputError
 from deformer.geometry import (
     FaceStrain,
@@ -28,6 +27,7 @@ from deformer.interpolation import ShapePath, interpolate
 from deformer.io import load_mesh, load_shapes, save_mesh, save_shapes
 from deformer.learning import train
 from deformer.model import DeformationModel
+from deformer.network import ModelConfig
 from deformer.poses import Handle, Pose
 from deformer.sequence import SequenceFit, fit_sequence
 from deformer.storage import load_model, save_names, shipped_models

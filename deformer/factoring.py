@@ -16,11 +16,10 @@ import torch
 from torch import Tensor
 
 from deformer.acap import FeatureScaler
-from deformer.autoencoder import MeshAutoencoder
-from deformer.config import FEATURES, ModelConfig
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, Geodesics, IntArray
 from deformer.localised import Factorisation, LocalisedSettings
+from deformer.network import FEATURES, MeshAutoencoder, ModelConfig
 from deformer.training_loop import (
     ProgressCallback,
     State,

@@ -7,8 +7,8 @@ from typing import Protocol
 import numpy as np
 
 from deformer.acap import arm_jacobian, arm_positions, arm_sensitivities
-from deformer.decoder import Decoder
 from deformer.geometry import FloatArray
+from deformer.network import Decoder
 
 
 class Handles(Protocol):

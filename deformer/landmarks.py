@@ -12,8 +12,8 @@ import numpy as np
 from numba import njit
 from scipy import sparse
 
-from deformer.decoder import Decoder
 from deformer.geometry import FloatArray, IntArray
+from deformer.network import Decoder
 
 _SKETCH = 12
 _POOL = 20_000

@@ -11,11 +11,8 @@ from typing import Any
 import numpy as np
 
 from deformer.acap import FeatureExtractor, FeatureScaler, extract_all
-from deformer.autoencoder import MeshAutoencoder
 from deformer.calibration import HandleFit, recoveries, recovery_errors
 from deformer.checkpoints import has_checkpoint
-from deformer.config import ModelConfig, resolve_config
-from deformer.decoder import Decoder
 from deformer.denoising import remove_noise
 from deformer.errors import InputError
 from deformer.factoring import factor
@@ -26,6 +23,7 @@ from deformer.limits import choose_marks, fit_limits
 from deformer.linalg import resolve_device
 from deformer.mirroring import images_explain, mirror_images
 from deformer.model import DeformationModel, encode_features
+from deformer.network import Decoder, MeshAutoencoder, ModelConfig, resolve_config
 from deformer.placement import fit_placement
 from deformer.training import fit
 from deformer.training_loop import ProgressCallback, TrainingProgress, TrainingResult

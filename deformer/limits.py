@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deformer.decoder import Decoder
 from deformer.geometry import FloatArray, Geodesics, IntArray, farthest_points
+from deformer.network import Decoder
 
 # Marks on the surface, and the nearest others that each is compared with.
 MARKS = 96

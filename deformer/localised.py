@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
-from deformer.losses import locality_row
+from deformer.network import locality_row
 
 # Distances (M,) from one site to all.
 Distances = Callable[[int], FloatArray]

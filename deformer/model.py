@@ -20,14 +20,12 @@ from deformer.acap import (
     extract_all,
     gradient_tangents,
 )
-from deformer.autoencoder import MeshAutoencoder
-from deformer.config import ModelConfig
-from deformer.decoder import Decoder
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, Geodesics, IntArray, Mesh, align, one_rings
 from deformer.latent import LatentPrior
 from deformer.limits import BendLimits
 from deformer.naming import check_names, find_component
+from deformer.network import Decoder, MeshAutoencoder, ModelConfig
 from deformer.placement import Placement
 
 # Latent components whose tangents are solved at once in `DeformationModel.fit`: bounds memory.

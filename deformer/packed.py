@@ -11,10 +11,10 @@ import math
 import numpy as np
 from numba import njit
 
-from deformer.decoder import Decoder
 from deformer.geometry import FloatArray
 from deformer.lanes import LANES, decode, gradients
 from deformer.linalg import ranges, together
+from deformer.network import Decoder
 
 # Blocks below which a second thread does not pay.
 _SHARE = 16

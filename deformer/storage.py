@@ -15,14 +15,13 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save
 
 from deformer.acap import FeatureScaler
-from deformer.autoencoder import MeshAutoencoder
-from deformer.config import ModelConfig
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, connectivity_hash, one_rings
 from deformer.io import atomic_directory, load_mesh, save_mesh, write_json
 from deformer.latent import LatentPrior
 from deformer.limits import BendLimits
 from deformer.model import DeformationModel
+from deformer.network import MeshAutoencoder, ModelConfig
 from deformer.placement import Placement
 
 FORMAT_VERSION = 1

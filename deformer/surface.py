@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from deformer.acap import PoissonSystem
-from deformer.decoder import Decoder
 from deformer.geometry import FloatArray, IntArray
 from deformer.lanes import (
     LANES,
@@ -29,6 +28,7 @@ from deformer.lanes import (
     turned_rhs,
 )
 from deformer.linalg import CORES, begin, finish, over_ranges, ranges, together
+from deformer.network import Decoder
 
 # Blocks below which a second thread does not pay.
 _SHARE = 128

@@ -13,12 +13,12 @@ from torch import Tensor
 
 from deformer.acap import STRETCH_COLUMNS, STRETCH_ROWS
 from deformer.basis import HandleBasis
-from deformer.decoder import Decoder
 from deformer.errors import InputError
 from deformer.frames import FIRST_TURNS, TURNS, Boolean
 from deformer.geometry import FloatArray
 from deformer.lanes import DAMPING, FARTHEST, FURTHER
 from deformer.linalg import SparseCholesky, resolve_device
+from deformer.network import Decoder
 from deformer.surface import schur_inverse
 
 # Numbers of a batch: frames times vertices times nine.

@@ -10,11 +10,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from deformer import losses
-from deformer.autoencoder import MeshAutoencoder
-from deformer.config import ModelConfig
 from deformer.geometry import FloatArray, Geodesics, IntArray
 from deformer.linalg import resolve_device
+from deformer.network import MeshAutoencoder, ModelConfig, losses
 from deformer.training_loop import (
     ProgressCallback,
     State,

@@ -11,11 +11,10 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from torch import Tensor
 
-from deformer.autoencoder import MeshAutoencoder
 from deformer.checkpoints import load_checkpoint, save_checkpoint
-from deformer.config import ModelConfig
 from deformer.geometry import FloatArray
 from deformer.interrupts import DeferredInterrupt
+from deformer.network import MeshAutoencoder, ModelConfig
 
 _CHECKPOINT_SECONDS = 30.0
 

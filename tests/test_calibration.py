@@ -9,11 +9,11 @@ import pytest
 
 from deformer import HandleSolver, MeshSequence, learning, train
 from deformer.calibration import recovery_errors
-from deformer.config import PRESETS, ModelConfig
 from deformer.errors import InputError
 from deformer.factoring import factor
 from deformer.geometry.geodesics import Geodesics
 from deformer.geometry.sampling import farthest_points
+from deformer.network.config import PRESETS, ModelConfig
 from shapes import bend, sequence, tube, twist
 
 QUICK = replace(PRESETS["default"], components=4, epochs=4, mirrored=False)

@@ -5,9 +5,9 @@ import pytest
 import trimesh
 
 import deformer
-from deformer.config import resolve_config
 from deformer.denoising import remove_noise
 from deformer.geometry.mesh import MeshSequence, edges
+from deformer.network.config import resolve_config
 
 SEED = 3
 

@@ -17,7 +17,6 @@ import deformer
 from bars import bending_bar
 from deformer import InputError, MeshSequence
 from deformer.baselines import METHODS
-from deformer.config import PRESETS
 from deformer.evaluation import (
     FAILURE,
     Setting,
@@ -34,6 +33,7 @@ from deformer.evaluation.protocols import by_rotation, largest_rotations, sparse
 from deformer.evaluation.rows import COLUMNS, Journal
 from deformer.evaluation.splits import limited, random_split, sequence_split
 from deformer.evaluation.summary import summarise
+from deformer.network.config import PRESETS
 from shapes import random_rotation, tube, twist
 
 

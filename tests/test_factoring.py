@@ -10,12 +10,12 @@ import torch
 
 from deformer.acap.features import FeatureExtractor, FeatureScaler, extract_all
 from deformer.checkpoints import has_checkpoint
-from deformer.config import PRESETS, ModelConfig
-from deformer.decoder import Decoder
 from deformer.errors import InputError
 from deformer.factoring import factor
 from deformer.geometry.geodesics import Geodesics
 from deformer.localised import Factorisation
+from deformer.network.config import PRESETS, ModelConfig
+from deformer.network.decoder import Decoder
 from shapes import sequence
 
 CONFIG = replace(PRESETS["default"], components=4, epochs=12, sparsity=2.0)

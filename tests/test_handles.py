@@ -110,7 +110,7 @@ def test_nothing_breaks_it(model, case, rigid, hard):
 def test_coincident_vertices_as_handles():
     """A model whose reference has two vertices at one place, asked to part or to stay."""
     from deformer import MeshSequence, train
-    from deformer.config import ModelConfig
+    from deformer.network.config import ModelConfig
     from shapes import sequence
 
     shapes = sequence(5)

@@ -12,10 +12,10 @@ import torch
 
 from deformer import e_rms, load_model, save_mesh, shipped_models, train
 from deformer.acap.features import FeatureExtractor
-from deformer.config import ModelConfig
 from deformer.errors import InputError
 from deformer.geometry.mesh import Mesh, MeshSequence
 from deformer.geometry.rotations import align
+from deformer.network.config import ModelConfig
 from shapes import random_rotation, sequence, small_model, tube
 
 QUICK = ModelConfig(name="quick", components=3, epochs=5, mixed_shapes=2)

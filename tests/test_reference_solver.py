@@ -11,9 +11,9 @@ from scipy import sparse
 from scipy.spatial.transform import Rotation
 
 from deformer import DeformationModel, FeatureScaler, HandleSolver, ModelConfig, train
-from deformer.autoencoder import MeshAutoencoder
 from deformer.geometry.mesh import one_rings
 from deformer.latent import fit_prior
+from deformer.network.autoencoder import MeshAutoencoder
 from shapes import awkward, sequence, small_model, tube, two_components
 
 pytestmark = pytest.mark.filterwarnings("error")

@@ -11,12 +11,12 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from deformer import losses
 from deformer.acap.features import FeatureExtractor, FeatureScaler, extract_all
-from deformer.config import PRESETS
 from deformer.errors import InputError
 from deformer.geometry.geodesics import Geodesics
 from deformer.linalg.device import resolve_device
+from deformer.network import losses
+from deformer.network.config import PRESETS
 from deformer.training import fit
 from shapes import sequence
 

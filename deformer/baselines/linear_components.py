@@ -14,11 +14,11 @@ from deformer.baselines._gradient_space import GradientSpace
 from deformer.baselines.autoencoder import Autoencoder
 from deformer.baselines.method import Space
 from deformer.calibration import HandleFit, choose_noise, one_by_one
-from deformer.config import ModelConfig
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, MeshSequence
 from deformer.latent import fit_prior
 from deformer.model import DeformationModel
+from deformer.network import ModelConfig
 
 
 class LinearComponents(GradientMethod):

@@ -14,10 +14,10 @@ from deformer.baselines.autoencoder import Autoencoder
 from deformer.baselines.linear_components import LinearComponents
 from deformer.baselines.method import Poser
 from deformer.checkpoints import has_checkpoint
-from deformer.config import resolve_config
 from deformer.geometry import MeshSequence
 from deformer.learning import train
 from deformer.model import DeformationModel
+from deformer.network import resolve_config
 from deformer.storage import load_model
 
 

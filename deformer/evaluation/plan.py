@@ -11,11 +11,11 @@ import json
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
-from deformer.config import PRESETS
 from deformer.errors import InputError
 from deformer.evaluation.material import Source
 from deformer.evaluation.methods import NETWORKS, Setting, known_methods, offers_codes
 from deformer.evaluation.splits import Split, limited, random_split, sequence_split
+from deformer.network import PRESETS
 
 Protocol = Literal["reconstruction", "sparse_control", "sensitivity", "noise", "rotation"]
 PROTOCOLS: tuple[Protocol, ...] = (

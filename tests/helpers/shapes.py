@@ -9,11 +9,11 @@ from functools import cache
 
 import numpy as np
 
-from deformer.config import PRESETS
 from deformer.geometry.mesh import Mesh, MeshSequence
 from deformer.geometry.rotations import log_to_rotation
 from deformer.learning import train
 from deformer.model import DeformationModel
+from deformer.network.config import PRESETS
 
 
 def _grid_faces(rows, columns, closed=False):

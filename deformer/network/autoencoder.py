@@ -10,8 +10,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from deformer.config import FEATURES
 from deformer.geometry import IntArray
+from deformer.network.config import FEATURES
 
 
 class MeanOverRing(nn.Module):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from deformer import losses
 from deformer.geometry.geodesics import Geodesics
+from deformer.network import losses
 from shapes import tube
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from deformer.autoencoder import GraphConv, MeanOverRing, MeshAutoencoder, ring_sum
-from deformer.config import ModelConfig, resolve_config
 from deformer.errors import InputError
 from deformer.geometry.mesh import one_rings
+from deformer.network.autoencoder import GraphConv, MeanOverRing, MeshAutoencoder, ring_sum
+from deformer.network.config import ModelConfig, resolve_config
 from shapes import awkward, tube
 from tolerances import tolerance
 

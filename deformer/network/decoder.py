@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from deformer.acap import FeatureScaler
-from deformer.autoencoder import GraphConv, MeshAutoencoder
 from deformer.geometry import FloatArray, IntArray
 from deformer.linalg import over_ranges
+from deformer.network.autoencoder import GraphConv, MeshAutoencoder
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)

@@ -5,9 +5,9 @@ import pytest
 import torch
 
 from deformer.acap.features import FeatureScaler
-from deformer.autoencoder import MeshAutoencoder
-from deformer.decoder import Decoder
 from deformer.geometry.mesh import one_rings
+from deformer.network.autoencoder import MeshAutoencoder
+from deformer.network.decoder import Decoder
 from shapes import awkward, tube
 
 SCALER = FeatureScaler(-1.5, 2.0, -0.3, 1.8)

@@ -1,0 +1,16 @@
+from . import losses as losses
+from .autoencoder import (
+    MeshAutoencoder as MeshAutoencoder,
+)
+from .config import (
+    FEATURES as FEATURES,
+    PRESETS as PRESETS,
+    ModelConfig as ModelConfig,
+    resolve_config as resolve_config,
+)
+from .decoder import (
+    Decoder as Decoder,
+)
+from .losses import (
+    locality_row as locality_row,
+)
