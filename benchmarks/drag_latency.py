@@ -27,8 +27,8 @@ from scipy.spatial import KDTree
 import deformer
 from deformer.geometry import align, one_rings
 from deformer.handles import HandleSolver
-from deformer.latent import fit_prior
 from deformer.linalg import SparseCholesky, over_ranges
+from deformer.model.model import fit_prior
 from deformer.network import MeshAutoencoder
 from deformer.objective import HandleObjective
 from deformer.surface import Surface

@@ -27,7 +27,7 @@ from deformer.geometry import edges, farthest_points
 from deformer.handles import HandleSolver
 from deformer.io import load_shapes
 from deformer.localised import localised_components
-from deformer.storage import load_model
+from deformer.model.model import load_model
 
 FOLD = np.cos(np.radians(150.0))
 STEPS = 21

@@ -26,11 +26,10 @@ from deformer.handles import HandleSolver
 from deformer.interpolation import ShapePath, interpolate
 from deformer.io import load_mesh, load_shapes, save_mesh, save_shapes
 from deformer.learning import train
-from deformer.model import DeformationModel
+from deformer.model import DeformationModel, load_model, save_names, shipped_models
 from deformer.network import ModelConfig
 from deformer.poses import Handle, Pose
 from deformer.sequence import SequenceFit, fit_sequence
-from deformer.storage import load_model, save_names, shipped_models
 from deformer.synthesis import Synthesis, draw_codes, transfer, transfer_code
 from deformer.uncertainty import Uncertainty, uncertainty
 

@@ -14,9 +14,8 @@ from deformer.basis import HandleBasis
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, spread
 from deformer.handle_positions import CorrectedHandles, Handles
-from deformer.latent import LatentPrior
 from deformer.linalg import one_blas_thread
-from deformer.model import DeformationModel
+from deformer.model import DeformationModel, LatentPrior
 from deformer.objective import HandleObjective
 from deformer.poses import Handle, Pose, check_handles
 

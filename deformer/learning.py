@@ -18,13 +18,17 @@ from deformer.errors import InputError
 from deformer.factoring import factor
 from deformer.geometry import FloatArray, Geodesics, IntArray, Mesh, MeshSequence, align, e_rms
 from deformer.handles import HandleSolver
-from deformer.latent import fit_prior
-from deformer.limits import choose_marks, fit_limits
 from deformer.linalg import resolve_device
 from deformer.mirroring import images_explain, mirror_images
-from deformer.model import DeformationModel, encode_features
+from deformer.model import (
+    DeformationModel,
+    choose_marks,
+    encode_features,
+    fit_limits,
+    fit_placement,
+    fit_prior,
+)
 from deformer.network import Decoder, MeshAutoencoder, ModelConfig, resolve_config
-from deformer.placement import fit_placement
 from deformer.training import fit
 from deformer.training_loop import ProgressCallback, TrainingProgress, TrainingResult
 

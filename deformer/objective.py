@@ -13,10 +13,7 @@ import numpy as np
 
 from deformer.geometry import FloatArray, log_to_rotation, right_jacobian
 from deformer.handle_positions import Evaluation, Handles
-from deformer.latent import LatentPrior
-from deformer.limits import BendLimits
-from deformer.model import DeformationModel
-from deformer.placement import FREE, Placement, surprise
+from deformer.model import FREE, BendLimits, DeformationModel, LatentPrior, Placement, surprise
 
 
 @dataclass(frozen=True, eq=False)

@@ -130,7 +130,7 @@ def test_layers_are_found_in_every_form_of_import(tmp_path):
         "from deformer import mesh",
         "from deformer.acap.poisson import X",
         "def f():",
-        "    from deformer.model import load_model",
+        "    from deformer.model.model import load_model",
         "    import deformer",
         "    from deformer import Mesh",
         "    import vtk",

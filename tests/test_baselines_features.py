@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from deformer.model.model.latent_prior import LatentPrior, fit_prior
 
 from deformer.acap.features import FeatureExtractor, extract_all, features_to_gradients
 from deformer.acap.poisson import PoissonSystem
@@ -21,7 +22,6 @@ from deformer.geometry.geodesics import Geodesics
 from deformer.geometry.mesh import MeshSequence
 from deformer.geometry.metrics import e_rms
 from deformer.geometry.rotations import log_to_rotation, polar
-from deformer.latent import LatentPrior, fit_prior
 from deformer.localised import LocalisedSettings
 from deformer.surface import schur_inverse
 from shapes import random_rotation, sequence, small_model, tube, twist

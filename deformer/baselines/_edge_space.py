@@ -14,7 +14,7 @@ from deformer.baselines._descent import damped_step, descend
 from deformer.baselines._gradient_space import faint_pull, least_inverse
 from deformer.baselines._shell import SHORTER, Shell
 from deformer.geometry import FloatArray, IntArray, procrustes
-from deformer.latent import LatentPrior
+from deformer.model import LatentPrior
 from deformer.surface import schur_inverse
 
 # Energies' relative gain that ends a reconstruction, and its most steps.

@@ -13,7 +13,7 @@ import numpy as np
 from deformer.acap import PoissonSystem, features_to_gradients, gradient_tangents
 from deformer.baselines._descent import damped_step, descend
 from deformer.geometry import FloatArray
-from deformer.latent import LatentPrior
+from deformer.model import LatentPrior
 
 # Components whose changes of the vertices are solved for at once: bounds memory.
 _BATCH = 16

@@ -29,8 +29,8 @@ from deformer.geometry import (
     procrustes,
     rotation_to_log,
 )
-from deformer.latent import fit_prior
 from deformer.localised import LocalisedSettings, localised_components
+from deformer.model import fit_prior
 
 # Misfits of an edge's feature that weigh as much as one standard deviation of the prior.
 NOISES = (0.01, 0.03, 0.1)

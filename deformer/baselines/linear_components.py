@@ -16,8 +16,7 @@ from deformer.baselines.method import Space
 from deformer.calibration import HandleFit, choose_noise, one_by_one
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, MeshSequence
-from deformer.latent import fit_prior
-from deformer.model import DeformationModel
+from deformer.model import DeformationModel, fit_prior
 from deformer.network import ModelConfig
 
 

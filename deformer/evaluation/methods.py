@@ -16,9 +16,8 @@ from deformer.baselines.method import Poser
 from deformer.checkpoints import has_checkpoint
 from deformer.geometry import MeshSequence
 from deformer.learning import train
-from deformer.model import DeformationModel
+from deformer.model import DeformationModel, load_model
 from deformer.network import resolve_config
-from deformer.storage import load_model
 
 
 @dataclass(frozen=True)

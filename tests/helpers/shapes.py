@@ -8,11 +8,11 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from deformer.model.model.model import DeformationModel
 
 from deformer.geometry.mesh import Mesh, MeshSequence
 from deformer.geometry.rotations import log_to_rotation
 from deformer.learning import train
-from deformer.model import DeformationModel
 from deformer.network.config import PRESETS
 
 

@@ -22,11 +22,11 @@ from deformer.acap import (
 )
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, Geodesics, IntArray, Mesh, align, one_rings
-from deformer.latent import LatentPrior
-from deformer.limits import BendLimits
-from deformer.naming import check_names, find_component
+from deformer.model.bend_limits import BendLimits
+from deformer.model.component_names import check_names, find_component
+from deformer.model.latent_prior import LatentPrior
+from deformer.model.rigid_prior import Placement
 from deformer.network import Decoder, MeshAutoencoder, ModelConfig
-from deformer.placement import Placement
 
 # Latent components whose tangents are solved at once in `DeformationModel.fit`: bounds memory.
 _TANGENT_BATCH = 10
@@ -278,7 +278,7 @@ class DeformationModel:
     def save(self, path: str | Path) -> None:
         """Write the model as a directory; see `save_model`."""
         # Storage stands on this class, so it cannot be imported before it.
-        from deformer.storage import save_model
+        from deformer.model.storage import save_model
 
         save_model(self, path)
 

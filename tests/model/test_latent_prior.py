@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from deformer.latent import fit_prior
+from deformer.model.model.latent_prior import fit_prior
 
 
 def correlated(K, rng):

@@ -18,11 +18,11 @@ from deformer.acap import FeatureScaler
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, connectivity_hash, one_rings
 from deformer.io import atomic_directory, load_mesh, save_mesh, write_json
-from deformer.latent import LatentPrior
-from deformer.limits import BendLimits
-from deformer.model import DeformationModel
+from deformer.model.bend_limits import BendLimits
+from deformer.model.latent_prior import LatentPrior
+from deformer.model.model import DeformationModel
+from deformer.model.rigid_prior import Placement
 from deformer.network import MeshAutoencoder, ModelConfig
-from deformer.placement import Placement
 
 FORMAT_VERSION = 1
 
