@@ -21,8 +21,7 @@ from rich.console import Console
 from rich.table import Table
 
 from deformer.acap import FeatureExtractor, FeatureScaler, extract_all
-from deformer.activations import Activations
-from deformer.components import SUPPORTED
+from deformer.analysis import SUPPORTED, Activations
 from deformer.geometry import edges, farthest_points
 from deformer.handles import HandleSolver
 from deformer.io import load_shapes

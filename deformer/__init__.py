@@ -8,8 +8,18 @@ from deformer.acap import (
     reconstruct,
     vertex_normals,
 )
-from deformer.activations import Activations, Familiarity
-from deformer.components import Component, ComponentAnalysis
+from deformer.analysis import (
+    Activations,
+    Component,
+    ComponentAnalysis,
+    Familiarity,
+    ShapePath,
+    Synthesis,
+    draw_codes,
+    interpolate,
+    transfer,
+    transfer_code,
+)
 from deformer.errors import InputError
 from deformer.geometry import (
     FaceStrain,
@@ -23,14 +33,12 @@ from deformer.geometry import (
     symmetry_about,
 )
 from deformer.handles import HandleSolver
-from deformer.interpolation import ShapePath, interpolate
 from deformer.io import load_mesh, load_shapes, save_mesh, save_shapes
 from deformer.learning import train
 from deformer.model import DeformationModel, load_model, save_names, shipped_models
 from deformer.network import ModelConfig
 from deformer.poses import Handle, Pose
 from deformer.sequence import SequenceFit, fit_sequence
-from deformer.synthesis import Synthesis, draw_codes, transfer, transfer_code
 from deformer.uncertainty import Uncertainty, uncertainty
 
 __all__ = [

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 import deformer
 from deformer import DeformationModel, InputError, MeshSequence, Synthesis, io
+from deformer.analysis import Way, check_way
 from deformer.geometry import vertex_errors
-from deformer.synthesis import Way, check_way
 from deformer_app import fitting
 from deformer_app.arguments import words
 from deformer_app.filmstrips import draw, save_animation, save_sheet, sheet

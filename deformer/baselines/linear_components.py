@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from deformer.acap import extract_all
-from deformer.activations import Activations
+from deformer.analysis import Activations
 from deformer.baselines._data_driven import DataDrivenDeformation
 from deformer.baselines._gradient_method import NOISES, GradientMethod
 from deformer.baselines._gradient_space import GradientSpace

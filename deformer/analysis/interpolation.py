@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deformer.acap import extract_all
+from deformer.analysis.synthesis import Way, check_way
 from deformer.errors import InputError
 from deformer.geometry import (
     FloatArray,
@@ -22,7 +23,6 @@ from deformer.geometry import (
     rotation_to_log,
 )
 from deformer.model import DeformationModel
-from deformer.synthesis import Way, check_way
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from deformer.activations import Activations
+from deformer.analysis.activations import Activations
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, Mesh, vertex_errors
 from deformer.model import DeformationModel

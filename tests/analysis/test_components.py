@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deformer import Activations, ComponentAnalysis, InputError
-from deformer.components import activation_sharing
+from deformer.analysis.components import activation_sharing
 from shapes import sequence, small_model
 
 

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deformer.activations import Activations, Familiarity
+from deformer.analysis.activations import Activations, Familiarity
 from deformer.errors import InputError
 from deformer.geometry import FloatArray
 from deformer.model import DeformationModel, encode_features

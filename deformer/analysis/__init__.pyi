@@ -1,0 +1,21 @@
+from .activations import (
+    Activations as Activations,
+    Familiarity as Familiarity,
+)
+from .components import (
+    SUPPORTED as SUPPORTED,
+    Component as Component,
+    ComponentAnalysis as ComponentAnalysis,
+)
+from .interpolation import (
+    ShapePath as ShapePath,
+    interpolate as interpolate,
+)
+from .synthesis import (
+    Synthesis as Synthesis,
+    Way as Way,
+    check_way as check_way,
+    draw_codes as draw_codes,
+    transfer as transfer,
+    transfer_code as transfer_code,
+)
