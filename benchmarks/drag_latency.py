@@ -25,13 +25,11 @@ from rich.table import Table
 from scipy.spatial import KDTree
 
 import deformer
+from deformer.editing import HandleObjective, HandleSolver, Surface
 from deformer.geometry import align, one_rings
-from deformer.handles import HandleSolver
 from deformer.linalg import SparseCholesky, over_ranges
 from deformer.model.model import fit_prior
 from deformer.network import MeshAutoencoder
-from deformer.objective import HandleObjective
-from deformer.surface import Surface
 
 STAGES = {
     "search by landmarks": (HandleObjective, "descend"),

@@ -22,8 +22,8 @@ from rich.table import Table
 
 from deformer.acap import FeatureExtractor, FeatureScaler, extract_all
 from deformer.analysis import SUPPORTED, Activations
+from deformer.editing import HandleSolver
 from deformer.geometry import edges, farthest_points
-from deformer.handles import HandleSolver
 from deformer.io import load_shapes
 from deformer.localised import localised_components
 from deformer.model.model import load_model

@@ -20,6 +20,15 @@ from deformer.analysis import (
     transfer,
     transfer_code,
 )
+from deformer.editing import (
+    Handle,
+    HandleSolver,
+    Pose,
+    SequenceFit,
+    Uncertainty,
+    fit_sequence,
+    uncertainty,
+)
 from deformer.errors import InputError
 from deformer.geometry import (
     FaceStrain,
@@ -32,14 +41,10 @@ from deformer.geometry import (
     find_symmetry,
     symmetry_about,
 )
-from deformer.handles import HandleSolver
 from deformer.io import load_mesh, load_shapes, save_mesh, save_shapes
 from deformer.learning import train
 from deformer.model import DeformationModel, load_model, save_names, shipped_models
 from deformer.network import ModelConfig
-from deformer.poses import Handle, Pose
-from deformer.sequence import SequenceFit, fit_sequence
-from deformer.uncertainty import Uncertainty, uncertainty
 
 __all__ = [
     "Activations",

@@ -14,10 +14,10 @@ from deformer.acap import FeatureExtractor, FeatureScaler, extract_all
 from deformer.calibration import HandleFit, recoveries, recovery_errors
 from deformer.checkpoints import has_checkpoint
 from deformer.denoising import remove_noise
+from deformer.editing import HandleSolver
 from deformer.errors import InputError
 from deformer.factoring import factor
 from deformer.geometry import FloatArray, Geodesics, IntArray, Mesh, MeshSequence, align, e_rms
-from deformer.handles import HandleSolver
 from deformer.linalg import resolve_device
 from deformer.mirroring import images_explain, mirror_images
 from deformer.model import (

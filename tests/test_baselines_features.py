@@ -17,13 +17,13 @@ from deformer.baselines.autoencoder import Autoencoder
 from deformer.baselines.gradients import GradientSplocs
 from deformer.baselines.linear_components import LinearComponents
 from deformer.calibration import choose_noise, one_by_one
+from deformer.editing.arap import schur_inverse
 from deformer.errors import InputError
 from deformer.geometry.geodesics import Geodesics
 from deformer.geometry.mesh import MeshSequence
 from deformer.geometry.metrics import e_rms
 from deformer.geometry.rotations import log_to_rotation, polar
 from deformer.localised import LocalisedSettings
-from deformer.surface import schur_inverse
 from shapes import random_rotation, sequence, small_model, tube, twist
 
 FEW = LocalisedSettings(rounds=5)

@@ -13,9 +13,9 @@ import numpy as np
 from deformer.acap import features_to_gradients
 from deformer.baselines._descent import damped_step, descend
 from deformer.baselines._gradient_space import GradientSpace
+from deformer.editing import schur_inverse
 from deformer.geometry import FloatArray, IntArray, log_to_rotation, right_jacobian
 from deformer.model import LatentPrior
-from deformer.surface import schur_inverse
 
 # Prior standard deviation of the rigid rotation, radians, as in `deformer.objective`.
 _ROTATION_SCALE = 0.3

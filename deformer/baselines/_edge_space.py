@@ -13,9 +13,9 @@ from deformer.baselines._connection import Connection
 from deformer.baselines._descent import damped_step, descend
 from deformer.baselines._gradient_space import faint_pull, least_inverse
 from deformer.baselines._shell import SHORTER, Shell
+from deformer.editing import schur_inverse
 from deformer.geometry import FloatArray, IntArray, procrustes
 from deformer.model import LatentPrior
-from deformer.surface import schur_inverse
 
 # Energies' relative gain that ends a reconstruction, and its most steps.
 _TOLERANCE = 1e-4

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 from deformer import learning
 from deformer.baselines._checks import checked_codes, checked_handles, checked_shapes
 from deformer.baselines.method import Space
+from deformer.editing import HandleSolver
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, MeshSequence
-from deformer.handles import HandleSolver
 from deformer.model import DeformationModel
 from deformer.network import ModelConfig
 

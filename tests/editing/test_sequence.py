@@ -8,7 +8,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-import deformer.sequence
+import deformer.editing.sequence
 from deformer import HandleSolver, ModelConfig, fit_sequence, train
 from deformer.errors import InputError
 from deformer.geometry.rotations import log_to_rotation

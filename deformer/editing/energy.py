@@ -11,8 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
+from deformer.editing.handle_positions import Evaluation, Handles
 from deformer.geometry import FloatArray, log_to_rotation, right_jacobian
-from deformer.handle_positions import Evaluation, Handles
 from deformer.model import FREE, BendLimits, DeformationModel, LatentPrior, Placement, surprise
 
 

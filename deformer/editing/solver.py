@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deformer.basis import HandleBasis
+from deformer.editing.energy import HandleObjective
+from deformer.editing.green_functions import HandleBasis
+from deformer.editing.handle_positions import CorrectedHandles, Handles
+from deformer.editing.handles import Handle, Pose, check_handles
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, spread
-from deformer.handle_positions import CorrectedHandles, Handles
 from deformer.linalg import one_blas_thread
 from deformer.model import DeformationModel, LatentPrior
-from deformer.objective import HandleObjective
-from deformer.poses import Handle, Pose, check_handles
 
 # Cold solves try this many of the training codes (spread over the latent space), descend from the
 # mean and the most promising few, and finish the best ones exactly.

@@ -6,10 +6,10 @@ from scipy.spatial.transform import Rotation
 
 from deformer.acap.features import FeatureExtractor, features_to_gradients
 from deformer.acap.poisson import PoissonSystem
+from deformer.editing.arap import Surface, schur_inverse
+from deformer.editing.kernels import fit_step
 from deformer.geometry.mesh import Mesh, MeshSequence
 from deformer.geometry.rotations import log_to_rotation, polar
-from deformer.lanes import fit_step
-from deformer.surface import Surface, schur_inverse
 from shapes import MESHES, bend, icosphere, random_rotation
 
 NAMES = pytest.mark.parametrize("name", MESHES)

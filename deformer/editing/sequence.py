@@ -15,17 +15,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deformer.basis import HandleBasis
+from deformer.editing.acceleration import Roughness
+from deformer.editing.batch_numba import Boolean, Frames, NumbaFrames
+from deformer.editing.batch_torch import TorchFrames
+from deformer.editing.energy import HandleObjective
+from deformer.editing.green_functions import HandleBasis
+from deformer.editing.handles import check_handles
+from deformer.editing.solver import HandleSolver
 from deformer.errors import InputError
-from deformer.frames import Boolean, Frames, NumbaFrames
 from deformer.geometry import FloatArray, IntArray, log_to_rotation, right_jacobian
-from deformer.handles import HandleSolver
 from deformer.linalg import each, one_blas_thread, resolve_device
 from deformer.model import DeformationModel
-from deformer.objective import HandleObjective
-from deformer.poses import check_handles
-from deformer.roughness import Roughness
-from deformer.torch_frames import TorchFrames
 
 # Every so many frames one is solved on its own, as a start for those around it.
 _KEY = 12

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from deformer import HandleSolver, InputError, uncertainty
+from deformer import HandleSolver, InputError
+from deformer.editing import posterior as uncertainty
 from shapes import small_model
 
 

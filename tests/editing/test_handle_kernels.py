@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deformer.acap.jacobians import arm_positions, arm_sensitivities
-from deformer.packed import PackedDecoder, PackedHandles
+from deformer.editing.handle_kernels import PackedDecoder, PackedHandles
 
 K = 7
 

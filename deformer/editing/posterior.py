@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deformer.editing.solver import HandleSolver
 from deformer.errors import InputError
 from deformer.geometry import FloatArray
-from deformer.handles import HandleSolver
 
 
 @dataclass(frozen=True, eq=False)

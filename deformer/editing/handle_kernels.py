@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numba import njit
 
+from deformer.editing.kernels import LANES, decode, gradients
 from deformer.geometry import FloatArray
-from deformer.lanes import LANES, decode, gradients
 from deformer.linalg import ranges, together
 from deformer.network import Decoder
 

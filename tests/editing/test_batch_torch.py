@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from deformer import torch_frames
 from deformer.acap.jacobians import arm_positions
-from deformer.basis import HandleBasis
-from deformer.frames import NumbaFrames
+from deformer.editing import batch_torch as torch_frames
+from deformer.editing.batch_numba import NumbaFrames
+from deformer.editing.batch_torch import TorchFrames
+from deformer.editing.green_functions import HandleBasis
 from deformer.geometry.rotations import log_to_rotation
-from deformer.torch_frames import TorchFrames
 from shapes import large_model, small_model
 
 pytestmark = pytest.mark.filterwarnings("error")

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deformer.editing.arap import Surface
+from deformer.editing.cubature import Grouping, choose_landmarks
+from deformer.editing.handle_kernels import PackedDecoder, PackedHandles
+from deformer.editing.handle_positions import ArmHandles, Handles
 from deformer.geometry import FloatArray, IntArray
-from deformer.handle_positions import ArmHandles, Handles
-from deformer.landmarks import Grouping, choose_landmarks
 from deformer.model import DeformationModel
-from deformer.packed import PackedDecoder, PackedHandles
-from deformer.surface import Surface
 
 # Vertices that stand for all while the latent code is searched.
 _LANDMARKS = 800

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from deformer.acap import PoissonSystem
-from deformer.geometry import FloatArray, IntArray
-from deformer.lanes import (
+from deformer.editing.kernels import (
     LANES,
     arms_by_block,
     decode_and_emit,
@@ -27,6 +26,7 @@ from deformer.lanes import (
     rhs,
     turned_rhs,
 )
+from deformer.geometry import FloatArray, IntArray
 from deformer.linalg import CORES, begin, finish, over_ranges, ranges, together
 from deformer.network import Decoder
 

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from deformer.basis import HandleBasis
+from deformer.editing.green_functions import HandleBasis
 from deformer.geometry import FloatArray
 from deformer.linalg import each
 

@@ -12,14 +12,14 @@ import torch
 from torch import Tensor
 
 from deformer.acap import STRETCH_COLUMNS, STRETCH_ROWS
-from deformer.basis import HandleBasis
+from deformer.editing.arap import schur_inverse
+from deformer.editing.batch_numba import FIRST_TURNS, TURNS, Boolean
+from deformer.editing.green_functions import HandleBasis
+from deformer.editing.kernels import DAMPING, FARTHEST, FURTHER
 from deformer.errors import InputError
-from deformer.frames import FIRST_TURNS, TURNS, Boolean
 from deformer.geometry import FloatArray
-from deformer.lanes import DAMPING, FARTHEST, FURTHER
 from deformer.linalg import SparseCholesky, resolve_device
 from deformer.network import Decoder
-from deformer.surface import schur_inverse
 
 # Numbers of a batch: frames times vertices times nine.
 _BATCH = 1 << 27

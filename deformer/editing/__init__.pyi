@@ -1,0 +1,23 @@
+from . import batch_torch as batch_torch, posterior as posterior
+from .arap import (
+    Surface as Surface,
+    schur_inverse as schur_inverse,
+)
+from .energy import (
+    HandleObjective as HandleObjective,
+)
+from .handles import (
+    Handle as Handle,
+    Pose as Pose,
+)
+from .posterior import (
+    Uncertainty as Uncertainty,
+    uncertainty as uncertainty,
+)
+from .sequence import (
+    SequenceFit as SequenceFit,
+    fit_sequence as fit_sequence,
+)
+from .solver import (
+    HandleSolver as HandleSolver,
+)
