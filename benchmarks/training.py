@@ -19,10 +19,10 @@ from rich.console import Console
 from rich.progress import Progress
 
 from deformer.acap import FeatureExtractor, FeatureScaler, extract_all
-from deformer.factoring import factor
 from deformer.geometry import Geodesics
 from deformer.io import load_shapes
 from deformer.network import Decoder, MeshAutoencoder, losses, resolve_config
+from deformer.training.adam import factor
 
 
 def main() -> None:

@@ -42,9 +42,9 @@ from deformer.geometry import (
     symmetry_about,
 )
 from deformer.io import load_mesh, load_shapes, save_mesh, save_shapes
-from deformer.learning import train
 from deformer.model import DeformationModel, load_model, save_names, shipped_models
 from deformer.network import ModelConfig
+from deformer.training import train
 
 __all__ = [
     "Activations",

@@ -5,6 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 from deformer.model.model.latent_prior import LatentPrior, fit_prior
+from deformer.training.adam.cross_validation import choose_noise, one_by_one
+from deformer.training.adam.sparse_components import LocalisedSettings
 
 from deformer.acap.features import FeatureExtractor, extract_all, features_to_gradients
 from deformer.acap.poisson import PoissonSystem
@@ -16,14 +18,12 @@ from deformer.baselines.acap import AcapSplocs
 from deformer.baselines.autoencoder import Autoencoder
 from deformer.baselines.gradients import GradientSplocs
 from deformer.baselines.linear_components import LinearComponents
-from deformer.calibration import choose_noise, one_by_one
 from deformer.editing.arap import schur_inverse
 from deformer.errors import InputError
 from deformer.geometry.geodesics import Geodesics
 from deformer.geometry.mesh import MeshSequence
 from deformer.geometry.metrics import e_rms
 from deformer.geometry.rotations import log_to_rotation, polar
-from deformer.localised import LocalisedSettings
 from shapes import random_rotation, sequence, small_model, tube, twist
 
 FEW = LocalisedSettings(rounds=5)

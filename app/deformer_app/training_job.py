@@ -8,7 +8,7 @@ from pathlib import Path
 import deformer
 from deformer import InputError
 from deformer.io import preflight as doctor
-from deformer.training_loop import TrainingProgress
+from deformer.training import TrainingProgress
 
 
 class TrainingJob:

@@ -18,11 +18,16 @@ from deformer.baselines._checks import (
 )
 from deformer.baselines._data_driven import DataDrivenDeformation
 from deformer.baselines._gradient_space import GradientSpace
-from deformer.calibration import HandleFit, choose_noise, one_by_one
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, Geodesics, IntArray, MeshSequence
-from deformer.localised import LocalisedSettings, localised_components
 from deformer.model import fit_prior
+from deformer.training import (
+    HandleFit,
+    LocalisedSettings,
+    choose_noise,
+    localised_components,
+    one_by_one,
+)
 
 # Root mean square strains that weigh as much as one standard deviation of the prior.
 NOISES = (0.003, 0.006, 0.012, 0.025)

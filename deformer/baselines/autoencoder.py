@@ -7,7 +7,6 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deformer import learning
 from deformer.baselines._checks import checked_codes, checked_handles, checked_shapes
 from deformer.baselines.method import Space
 from deformer.editing import HandleSolver
@@ -15,6 +14,7 @@ from deformer.errors import InputError
 from deformer.geometry import FloatArray, MeshSequence
 from deformer.model import DeformationModel
 from deformer.network import ModelConfig
+from deformer.training import trainer as learning
 
 
 class Autoencoder:

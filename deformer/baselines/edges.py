@@ -18,7 +18,6 @@ from deformer.baselines._checks import (
 from deformer.baselines._edge_space import EdgeDeformation, EdgeSpace
 from deformer.baselines._shell import Shell
 from deformer.baselines.method import Space
-from deformer.calibration import HandleFit, choose_noise, one_by_one
 from deformer.errors import InputError
 from deformer.geometry import (
     FloatArray,
@@ -29,8 +28,14 @@ from deformer.geometry import (
     procrustes,
     rotation_to_log,
 )
-from deformer.localised import LocalisedSettings, localised_components
 from deformer.model import fit_prior
+from deformer.training import (
+    HandleFit,
+    LocalisedSettings,
+    choose_noise,
+    localised_components,
+    one_by_one,
+)
 
 # Misfits of an edge's feature that weigh as much as one standard deviation of the prior.
 NOISES = (0.01, 0.03, 0.1)

@@ -13,11 +13,11 @@ from deformer.baselines._gradient_method import NOISES, GradientMethod
 from deformer.baselines._gradient_space import GradientSpace
 from deformer.baselines.autoencoder import Autoencoder
 from deformer.baselines.method import Space
-from deformer.calibration import HandleFit, choose_noise, one_by_one
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, MeshSequence
 from deformer.model import DeformationModel, fit_prior
 from deformer.network import ModelConfig
+from deformer.training import HandleFit, choose_noise, one_by_one
 
 
 class LinearComponents(GradientMethod):

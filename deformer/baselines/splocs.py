@@ -9,7 +9,7 @@ import numpy as np
 from deformer.baselines._linear import LinearMethod
 from deformer.baselines._linear_basis import LinearBasis
 from deformer.geometry import FloatArray, Geodesics, Mesh
-from deformer.localised import LocalisedSettings, localised_components
+from deformer.training import LocalisedSettings, localised_components
 
 
 class SPLOCS(LinearMethod):

@@ -13,11 +13,10 @@ from deformer.baselines import METHODS
 from deformer.baselines.autoencoder import Autoencoder
 from deformer.baselines.linear_components import LinearComponents
 from deformer.baselines.method import Poser
-from deformer.checkpoints import has_checkpoint
 from deformer.geometry import MeshSequence
-from deformer.learning import train
 from deformer.model import DeformationModel, load_model
 from deformer.network import resolve_config
+from deformer.training import has_checkpoint, train
 
 
 @dataclass(frozen=True)

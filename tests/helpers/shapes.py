@@ -9,10 +9,10 @@ from functools import cache
 
 import numpy as np
 from deformer.model.model.model import DeformationModel
+from deformer.training.adam.trainer import train
 
 from deformer.geometry.mesh import Mesh, MeshSequence
 from deformer.geometry.rotations import log_to_rotation
-from deformer.learning import train
 from deformer.network.config import PRESETS
 
 

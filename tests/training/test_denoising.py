@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 import trimesh
+from deformer.training.adam.denoising import remove_noise
 
 import deformer
-from deformer.denoising import remove_noise
 from deformer.geometry.mesh import MeshSequence, edges
 from deformer.network.config import resolve_config
 

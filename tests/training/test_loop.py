@@ -4,11 +4,11 @@ import json
 
 import pytest
 import torch
+from deformer.training.adam.checkpoints import has_checkpoint
+from deformer.training.adam.loop import TrainingProgress, run_training
 from safetensors.torch import load_file
 
-from deformer import training_loop
-from deformer.checkpoints import has_checkpoint
-from deformer.training_loop import TrainingProgress, run_training
+from deformer.training.adam import loop as training_loop
 
 IDENTITY = {"what": "counting"}
 

@@ -11,10 +11,10 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from torch import Tensor
 
-from deformer.checkpoints import load_checkpoint, save_checkpoint
 from deformer.geometry import FloatArray
-from deformer.interrupts import DeferredInterrupt
 from deformer.network import MeshAutoencoder, ModelConfig
+from deformer.training.checkpoints import load_checkpoint, save_checkpoint
+from deformer.training.interrupts import DeferredInterrupt
 
 _CHECKPOINT_SECONDS = 30.0
 

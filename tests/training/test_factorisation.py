@@ -7,13 +7,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import torch
+from deformer.training.adam.checkpoints import has_checkpoint
+from deformer.training.adam.factorisation import factor
+from deformer.training.adam.sparse_components import Factorisation
 
 from deformer.acap.features import FeatureExtractor, FeatureScaler, extract_all
-from deformer.checkpoints import has_checkpoint
 from deformer.errors import InputError
-from deformer.factoring import factor
 from deformer.geometry.geodesics import Geodesics
-from deformer.localised import Factorisation
 from deformer.network.config import PRESETS, ModelConfig
 from deformer.network.decoder import Decoder
 from shapes import sequence

@@ -11,15 +11,10 @@ from typing import Any
 import numpy as np
 
 from deformer.acap import FeatureExtractor, FeatureScaler, extract_all
-from deformer.calibration import HandleFit, recoveries, recovery_errors
-from deformer.checkpoints import has_checkpoint
-from deformer.denoising import remove_noise
 from deformer.editing import HandleSolver
 from deformer.errors import InputError
-from deformer.factoring import factor
 from deformer.geometry import FloatArray, Geodesics, IntArray, Mesh, MeshSequence, align, e_rms
 from deformer.linalg import resolve_device
-from deformer.mirroring import images_explain, mirror_images
 from deformer.model import (
     DeformationModel,
     choose_marks,
@@ -29,8 +24,13 @@ from deformer.model import (
     fit_prior,
 )
 from deformer.network import Decoder, MeshAutoencoder, ModelConfig, resolve_config
-from deformer.training import fit
-from deformer.training_loop import ProgressCallback, TrainingProgress, TrainingResult
+from deformer.training.adam import fit
+from deformer.training.checkpoints import has_checkpoint
+from deformer.training.cross_validation import HandleFit, recoveries, recovery_errors
+from deformer.training.denoising import remove_noise
+from deformer.training.factorisation import factor
+from deformer.training.loop import ProgressCallback, TrainingProgress, TrainingResult
+from deformer.training.mirroring import images_explain, mirror_images
 
 # What the noise of handle fits, in bounding diagonals, and λ₁ are chosen from; epochs of a
 # training that only serves to choose; and how much better a smaller λ₁ must recover shapes, since

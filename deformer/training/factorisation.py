@@ -18,15 +18,15 @@ from torch import Tensor
 from deformer.acap import FeatureScaler
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, Geodesics, IntArray
-from deformer.localised import Factorisation, LocalisedSettings
 from deformer.network import FEATURES, MeshAutoencoder, ModelConfig
-from deformer.training_loop import (
+from deformer.training.loop import (
     ProgressCallback,
     State,
     TrainingResult,
     identity_of,
     run_training,
 )
+from deformer.training.sparse_components import Factorisation, LocalisedSettings
 
 # Scaled features beyond this count as this much: there the tanh says nothing any more.
 _SATURATED = 0.99

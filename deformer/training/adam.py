@@ -13,7 +13,7 @@ from torch import Tensor
 from deformer.geometry import FloatArray, Geodesics, IntArray
 from deformer.linalg import resolve_device
 from deformer.network import MeshAutoencoder, ModelConfig, losses
-from deformer.training_loop import (
+from deformer.training.loop import (
     ProgressCallback,
     State,
     TrainingResult,
