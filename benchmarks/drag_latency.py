@@ -28,7 +28,7 @@ import deformer
 from deformer.editing import HandleObjective, HandleSolver, Surface
 from deformer.geometry import align, one_rings
 from deformer.linalg import SparseCholesky, over_ranges
-from deformer.model.model import fit_prior
+from deformer.model.latent_prior import fit_prior
 from deformer.network import MeshAutoencoder
 
 STAGES = {

@@ -25,8 +25,8 @@ from deformer.analysis import SUPPORTED, Activations
 from deformer.editing import HandleSolver
 from deformer.geometry import edges, farthest_points
 from deformer.io import load_shapes
-from deformer.model.model import load_model
-from deformer.training.adam import localised_components
+from deformer.model.storage import load_model
+from deformer.training.sparse_components import localised_components
 
 FOLD = np.cos(np.radians(150.0))
 STEPS = 21

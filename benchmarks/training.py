@@ -22,7 +22,7 @@ from deformer.acap import FeatureExtractor, FeatureScaler, extract_all
 from deformer.geometry import Geodesics
 from deformer.io import load_shapes
 from deformer.network import Decoder, MeshAutoencoder, losses, resolve_config
-from deformer.training.adam import factor
+from deformer.training.factorisation import factor
 
 
 def main() -> None:

@@ -14,10 +14,11 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from deformer.evaluation import FAILURE, Source, known_methods
 from deformer.evaluation.cells import run_job
-from deformer.evaluation.methods import Setting, offers_codes
+from deformer.evaluation.material import Source
+from deformer.evaluation.methods import Setting, known_methods, offers_codes
 from deformer.evaluation.plan import Cell, Job, Training
+from deformer.evaluation.rows import FAILURE
 from deformer.evaluation.splits import random_split
 
 OURS = "autoencoder"

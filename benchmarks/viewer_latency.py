@@ -27,7 +27,7 @@ from drag_latency import subdivided
 
 import deformer
 from deformer import Geodesics, farthest_points
-from deformer_app.editor import Editor
+from deformer_app.viewer.editor import Editor
 
 SIZE = (1000, 800)
 RATE = 125  # moves a second
@@ -91,9 +91,9 @@ def subdivided_model(name: str, times: int) -> str:
 def off_screen(model: str) -> tuple[Editor, Callable[[], None]]:
     import pyvista as pv
 
-    from deformer_app.events import listen
-    from deformer_app.mesh_view import MeshView
-    from deformer_app.pictures import off_screen as without_display
+    from deformer_app.rendering.offscreen import off_screen as without_display
+    from deformer_app.viewer.events import listen
+    from deformer_app.viewer.scene import MeshView
 
     with without_display():
         plotter = pv.Plotter(off_screen=True, window_size=list(SIZE), lighting="none")
@@ -112,8 +112,8 @@ def off_screen(model: str) -> tuple[Editor, Callable[[], None]]:
 def in_window(model: str) -> tuple[Editor, Callable[[], None]]:
     from PySide6.QtWidgets import QApplication
 
-    from deformer_app.places import Places
-    from deformer_app.window import Window
+    from deformer_app.viewer.qt.window import Window
+    from deformer_app.viewer.settings import Places
 
     app = QApplication([])
     places = Places(Path(tempfile.mkdtemp()))

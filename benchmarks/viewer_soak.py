@@ -52,8 +52,8 @@ def soak(
     """Send the events; what went wrong, and by what share memory has grown."""
     from PySide6.QtWidgets import QApplication
 
-    from deformer_app.places import Places
-    from deformer_app.window import Window
+    from deformer_app.viewer.qt.window import Window
+    from deformer_app.viewer.settings import Places
 
     app = QApplication.instance() or QApplication([])
     places = Places(Path(tempfile.mkdtemp()))
@@ -167,8 +167,8 @@ class Monkey:
 
 def inconsistencies(editor: Any, pump: Callable[[], None]) -> list[str]:
     """Where the session is not what it should be."""
-    from deformer_app.posing import replay
-    from deformer_app.session import Session
+    from deformer_app.viewer.pose_worker import replay
+    from deformer_app.viewer.session import Session
 
     found = []
     diagonal = editor.model.reference.bounding_diagonal

@@ -11,7 +11,7 @@ import numpy as np
 from tube import tube, twisted_and_bent
 
 import deformer
-from deformer_app.filmstrips import save_rows
+from deformer_app.rendering.sheets import save_rows
 
 
 def main(picture: Path, quick: bool = False) -> float:

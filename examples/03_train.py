@@ -6,7 +6,7 @@ from pathlib import Path
 import tube
 
 import deformer
-from deformer_app.filmstrips import save_rows
+from deformer_app.rendering.sheets import save_rows
 
 
 def main(picture: Path, quick: bool = False) -> float:

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 
 import deformer
-from deformer_app.camera import aim
-from deformer_app.filmstrips import save_sheet
-from deformer_app.pictures import HandleMarks, contact_sheet, render
+from deformer_app.rendering.camera import aim
+from deformer_app.rendering.offscreen import HandleMarks, contact_sheet, render
+from deformer_app.rendering.sheets import save_sheet
 
 
 def main(picture: Path, quick: bool = False) -> float:

@@ -4,9 +4,9 @@ import sys
 from pathlib import Path
 
 import deformer
-from deformer_app.analysing import heat_maps, title
-from deformer_app.filmstrips import save_sheet
-from deformer_app.pictures import contact_sheet
+from deformer_app.cli.components import heat_maps, title
+from deformer_app.rendering.offscreen import contact_sheet
+from deformer_app.rendering.sheets import save_sheet
 
 NAMES = {8: "left elbow", 7: "right elbow", 19: "left knee", 18: "right knee", 4: "sit"}
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import deformer
-from deformer_app.filmstrips import save_rows
+from deformer_app.rendering.sheets import save_rows
 
 
 def main(picture: Path, quick: bool = False) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import deformer
-from deformer_app.filmstrips import save_rows
+from deformer_app.rendering.sheets import save_rows
 
 KEYS = [205, 60]  # training shapes of the shipped figure
 

@@ -7,11 +7,11 @@ import numpy as np
 import tube
 
 import deformer
+from deformer import vertex_errors
 from deformer.baselines import METHODS
-from deformer.geometry import vertex_errors
-from deformer_app.camera import aim
-from deformer_app.filmstrips import save_sheet
-from deformer_app.pictures import Layer, contact_sheet, render
+from deformer_app.rendering.camera import aim
+from deformer_app.rendering.offscreen import Layer, contact_sheet, render
+from deformer_app.rendering.sheets import save_sheet
 
 
 def main(picture: Path, quick: bool = False) -> dict[str, float]:

@@ -42,9 +42,9 @@ from rich.table import Table
 
 import deformer
 from deformer import Mesh, MeshSequence
-from deformer.baselines.edges import EdgeSplocs
-from deformer_app.camera import aim
-from deformer_app.pictures import GHOST, Layer, contact_sheet, render, save_picture
+from deformer.baselines import EdgeSplocs
+from deformer_app.rendering.camera import aim
+from deformer_app.rendering.offscreen import GHOST, Layer, contact_sheet, render, save_picture
 
 TRAINED = 5  # every so-manieth frame
 SHOWN = 4

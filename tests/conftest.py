@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from deformer_app import cli, console
+from deformer_app import console
+from deformer_app.cli import main as cli
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 

@@ -39,7 +39,7 @@ def test_shell_blocks_run(walk):
     command.write_text(
         f"#!{sys.executable}\nimport sys\n"
         f"if sys.argv[1] in ('train', 'evaluate'): sys.argv += ['--epochs', '{EPOCHS}']\n"
-        "from deformer_app.cli import main\nmain()\n"
+        "from deformer_app.cli.main import main\nmain()\n"
     )
     command.chmod(0o755)
     environment = {**os.environ, "PATH": f"{command.parent}{os.pathsep}{os.environ['PATH']}"}

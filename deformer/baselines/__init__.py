@@ -1,33 +1,9 @@
-"""Methods that deform a mesh by examples, or by rigidity alone, behind one protocol."""
+"""Methods that deform a mesh by examples, or by rigidity alone, behind one protocol.
 
-from __future__ import annotations
+The names that other packages may use are listed in `__init__.pyi`; each is loaded when it is
+first asked for.
+"""
 
-from collections.abc import Callable
+import lazy_loader
 
-from deformer.baselines.acap import AcapSplocs
-from deformer.baselines.biharmonic import Biharmonic, NearestBiharmonic
-from deformer.baselines.clustered_pca import ClusteredPCA
-from deformer.baselines.edges import EdgeSplocs
-from deformer.baselines.gradients import GradientSplocs
-from deformer.baselines.method import Method, Poser
-from deformer.baselines.pca import PCA
-from deformer.baselines.rigid import Arap, NearestArap
-from deformer.baselines.splocs import SPLOCS
-from deformer.baselines.structured_factors import StructuredFactors
-
-# Makes an untrained method by its name, in the order of tables.
-METHODS: dict[str, Callable[[], Poser]] = {
-    "pca": PCA,
-    "clustered-pca": ClusteredPCA,
-    "splocs": SPLOCS,
-    "structured-factors": StructuredFactors,
-    "splocs-gradients": GradientSplocs,
-    "splocs-edges": EdgeSplocs,
-    "splocs-acap": AcapSplocs,
-    "arap": Arap,
-    "arap-nearest": NearestArap,
-    "biharmonic": Biharmonic,
-    "biharmonic-nearest": NearestBiharmonic,
-}
-
-__all__ = ["METHODS", "Method", "Poser"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

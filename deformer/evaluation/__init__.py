@@ -1,24 +1,9 @@
-"""How well methods do on shapes that they have not seen: splits, protocols, a resumable runner."""
+"""How well methods do on shapes that they have not seen: splits, protocols, a resumable runner.
 
-from deformer.evaluation.material import Source
-from deformer.evaluation.methods import Setting, known_methods
-from deformer.evaluation.plan import PROTOCOLS, Study, make_plan
-from deformer.evaluation.protocols import sparse_control
-from deformer.evaluation.rows import COLUMNS, FAILURE, Row
-from deformer.evaluation.runner import evaluate
-from deformer.evaluation.splits import Split
+The names that other packages may use are listed in `__init__.pyi`; each is loaded when it is
+first asked for.
+"""
 
-__all__ = [
-    "COLUMNS",
-    "FAILURE",
-    "PROTOCOLS",
-    "Row",
-    "Setting",
-    "Source",
-    "Split",
-    "Study",
-    "evaluate",
-    "known_methods",
-    "make_plan",
-    "sparse_control",
-]
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

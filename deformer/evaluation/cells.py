@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from deformer.baselines.method import Poser
+from deformer.baselines import Poser
 from deformer.evaluation import protocols
 from deformer.evaluation.material import Material, prepare
 from deformer.evaluation.methods import offers_codes, trained

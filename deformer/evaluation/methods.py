@@ -9,10 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from shutil import rmtree
 
-from deformer.baselines import METHODS
-from deformer.baselines.autoencoder import Autoencoder
-from deformer.baselines.linear_components import LinearComponents
-from deformer.baselines.method import Poser
+from deformer.baselines import METHODS, Autoencoder, LinearComponents, Poser
 from deformer.geometry import MeshSequence
 from deformer.model import DeformationModel, load_model
 from deformer.network import resolve_config

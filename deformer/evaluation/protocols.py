@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from deformer.acap import FeatureExtractor, extract_all
-from deformer.baselines.method import Method, Poser
+from deformer.baselines import Method, Poser
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, Mesh, align, e_rms, sted, sted_spatial
 

@@ -1,15 +1,3 @@
-from . import (
-    atomic as atomic,
-    glb as glb,
-    json_files as json_files,
-    meshes as meshes,
-    obj as obj,
-    off as off,
-    parsing as parsing,
-    ply as ply,
-    preflight as preflight,
-    stl as stl,
-)
 from .atomic import (
     atomic_directory as atomic_directory,
     atomic_path as atomic_path,
@@ -19,6 +7,7 @@ from .json_files import (
     HandleTarget as HandleTarget,
     load_handles as load_handles,
     load_split as load_split,
+    read_json as read_json,
     write_json as write_json,
 )
 from .meshes import (
@@ -29,3 +18,4 @@ from .meshes import (
     save_shapes as save_shapes,
     write_npz as write_npz,
 )
+from .preflight import examine as examine

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deformer import DeformationModel, e_rms
-from deformer.baselines.edges import EdgeSplocs
+from deformer.baselines import EdgeSplocs
 from flag.noise import CORNER_GAIN, noise_profile
 from flag.quality import swing_angles
 

@@ -5,8 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from deformer.model.model.latent_prior import LatentPrior
-from deformer.training.adam.sparse_components import LocalisedSettings
 
 from deformer.acap.poisson import PoissonSystem
 from deformer.baselines._connection import Connection
@@ -17,6 +15,8 @@ from deformer.errors import InputError
 from deformer.geometry.mesh import Mesh, MeshSequence
 from deformer.geometry.metrics import e_rms
 from deformer.io.meshes import load_shapes
+from deformer.model.latent_prior import LatentPrior
+from deformer.training.sparse_components import LocalisedSettings
 from shapes import (
     bend,
     icosphere,

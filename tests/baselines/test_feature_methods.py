@@ -4,9 +4,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from deformer.model.model.latent_prior import LatentPrior, fit_prior
-from deformer.training.adam.cross_validation import choose_noise, one_by_one
-from deformer.training.adam.sparse_components import LocalisedSettings
 
 from deformer.acap.features import FeatureExtractor, extract_all, features_to_gradients
 from deformer.acap.poisson import PoissonSystem
@@ -24,6 +21,9 @@ from deformer.geometry.geodesics import Geodesics
 from deformer.geometry.mesh import MeshSequence
 from deformer.geometry.metrics import e_rms
 from deformer.geometry.rotations import log_to_rotation, polar
+from deformer.model.latent_prior import LatentPrior, fit_prior
+from deformer.training.cross_validation import choose_noise, one_by_one
+from deformer.training.sparse_components import LocalisedSettings
 from shapes import random_rotation, sequence, small_model, tube, twist
 
 FEW = LocalisedSettings(rounds=5)

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from deformer.model.model.latent_prior import fit_prior
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
 from deformer import DeformationModel, FeatureScaler, HandleSolver, ModelConfig, train
 from deformer.geometry.mesh import one_rings
+from deformer.model.latent_prior import fit_prior
 from deformer.network.autoencoder import MeshAutoencoder
 from shapes import awkward, sequence, small_model, tube, two_components
 

@@ -17,21 +17,15 @@ import deformer
 from bars import bending_bar
 from deformer import InputError, MeshSequence
 from deformer.baselines import METHODS
-from deformer.evaluation import (
-    FAILURE,
-    Setting,
-    Source,
-    Split,
-    Study,
-    evaluate,
-    make_plan,
-    plan as plan_module,
-)
-from deformer.evaluation.material import prepare
+from deformer.evaluation import plan as plan_module
+from deformer.evaluation.material import Source, prepare
+from deformer.evaluation.methods import Setting
+from deformer.evaluation.plan import Study, make_plan
 from deformer.evaluation.presets import QUICK, paper_sources, paper_studies
 from deformer.evaluation.protocols import by_rotation, largest_rotations, sparse_control
-from deformer.evaluation.rows import COLUMNS, Journal
-from deformer.evaluation.splits import limited, random_split, sequence_split
+from deformer.evaluation.rows import COLUMNS, FAILURE, Journal
+from deformer.evaluation.runner import evaluate
+from deformer.evaluation.splits import Split, limited, random_split, sequence_split
 from deformer.evaluation.summary import summarise
 from deformer.network.config import PRESETS
 from shapes import random_rotation, tube, twist

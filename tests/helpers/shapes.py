@@ -8,12 +8,12 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from deformer.model.model.model import DeformationModel
-from deformer.training.adam.trainer import train
 
 from deformer.geometry.mesh import Mesh, MeshSequence
 from deformer.geometry.rotations import log_to_rotation
+from deformer.model.model import DeformationModel
 from deformer.network.config import PRESETS
+from deformer.training.trainer import train
 
 
 def _grid_faces(rows, columns, closed=False):

@@ -5,10 +5,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from deformer.model.model.bend_limits import choose_marks, fit_limits
 
 from deformer import HandleSolver, MeshSequence, fit_sequence, load_model, train
 from deformer.geometry.geodesics import Geodesics
+from deformer.model.bend_limits import choose_marks, fit_limits
 from shapes import bend, small_model, tube, two_components
 
 

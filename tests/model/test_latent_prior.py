@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from deformer.model.model.latent_prior import fit_prior
+
+from deformer.model.latent_prior import fit_prior
 
 
 def correlated(K, rng):

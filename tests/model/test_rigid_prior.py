@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from deformer.model.model.rigid_prior import FREE, Placement, fit_placement, surprise
 
 from deformer import HandleSolver, load_model
 from deformer.geometry.rotations import log_to_rotation
+from deformer.model.rigid_prior import FREE, Placement, fit_placement, surprise
 from shapes import icosphere, small_model
 
 TIGHT = Placement(0.02, 0.005)

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from deformer.training.adam.adam import fit
 from safetensors.torch import load_file
 
 from deformer.acap.features import FeatureExtractor, FeatureScaler, extract_all
@@ -18,6 +17,7 @@ from deformer.geometry.geodesics import Geodesics
 from deformer.linalg.device import resolve_device
 from deformer.network import losses
 from deformer.network.config import PRESETS
+from deformer.training.adam import fit
 from shapes import sequence
 
 PAPER = replace(PRESETS["paper"], components=4, epochs=40)
@@ -242,7 +242,7 @@ def test_a_later_checkpoint_replaces_the_earlier(data, stopped):
 @pytest.mark.parametrize("kind", ["safetensors", "json"])
 def test_a_crash_while_saving_leaves_the_earlier_checkpoint(data, stopped, monkeypatch, kind):
     """The disk is full in the middle of writing: what was there still resumes exactly."""
-    from deformer.training.adam import checkpoints
+    from deformer.training import checkpoints
 
     before = {path.name: path.read_bytes() for path in stopped.iterdir()}
 

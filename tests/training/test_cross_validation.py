@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from deformer.training.adam.cross_validation import recovery_errors
-from deformer.training.adam.factorisation import factor
 
 from deformer import HandleSolver, MeshSequence, train
 from deformer.errors import InputError
 from deformer.geometry.geodesics import Geodesics
 from deformer.geometry.sampling import farthest_points
 from deformer.network.config import PRESETS, ModelConfig
-from deformer.training.adam import trainer as learning
+from deformer.training import trainer as learning
+from deformer.training.cross_validation import recovery_errors
+from deformer.training.factorisation import factor
 from shapes import bend, sequence, tube, twist
 
 QUICK = replace(PRESETS["default"], components=4, epochs=4, mirrored=False)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 import trimesh
-from deformer.training.adam.denoising import remove_noise
 
 import deformer
 from deformer.geometry.mesh import MeshSequence, edges
 from deformer.network.config import resolve_config
+from deformer.training.denoising import remove_noise
 
 SEED = 3
 

@@ -7,15 +7,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import torch
-from deformer.training.adam.checkpoints import has_checkpoint
-from deformer.training.adam.factorisation import factor
-from deformer.training.adam.sparse_components import Factorisation
 
 from deformer.acap.features import FeatureExtractor, FeatureScaler, extract_all
 from deformer.errors import InputError
 from deformer.geometry.geodesics import Geodesics
 from deformer.network.config import PRESETS, ModelConfig
 from deformer.network.decoder import Decoder
+from deformer.training.checkpoints import has_checkpoint
+from deformer.training.factorisation import factor
+from deformer.training.sparse_components import Factorisation
 from shapes import sequence
 
 CONFIG = replace(PRESETS["default"], components=4, epochs=12, sparsity=2.0)

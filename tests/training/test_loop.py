@@ -4,11 +4,11 @@ import json
 
 import pytest
 import torch
-from deformer.training.adam.checkpoints import has_checkpoint
-from deformer.training.adam.loop import TrainingProgress, run_training
 from safetensors.torch import load_file
 
-from deformer.training.adam import loop as training_loop
+from deformer.training import loop as training_loop
+from deformer.training.checkpoints import has_checkpoint
+from deformer.training.loop import TrainingProgress, run_training
 
 IDENTITY = {"what": "counting"}
 

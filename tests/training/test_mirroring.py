@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from deformer.training.adam.mirroring import _unexplained, images_explain, mirror_images, reflected
 from scipy.spatial.transform import Rotation
 
 from deformer.acap.features import features_to_gradients
 from deformer.geometry.mesh import MeshSequence
 from deformer.geometry.metrics import e_rms
-from deformer.training.adam import mirroring
+from deformer.training import mirroring
+from deformer.training.mirroring import _unexplained, images_explain, mirror_images, reflected
 from shapes import strip
 
 

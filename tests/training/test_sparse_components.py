@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from deformer.training.adam.sparse_components import (
+
+from deformer.errors import InputError
+from deformer.training.sparse_components import (
     Factorisation,
     LocalisedSettings,
     localised_components,
 )
-
-from deformer.errors import InputError
 
 SITES = 60
 LINE = np.linspace(0.0, 1.0, SITES)

@@ -1,0 +1,1 @@
+"""The command `deformer`: one file a command."""

@@ -1,0 +1,201 @@
+"""Component analysis as files: meshes, heat-mapped pictures, turntables, a table."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import deformer
+from deformer import Component, ComponentAnalysis, Mesh, io
+from deformer_app import console
+from deformer_app.rendering.camera import Camera, aim, upright_axes
+from deformer_app.rendering.offscreen import Layer, Picture, contact_sheet, render, save_gif
+from deformer_app.rendering.sheets import save_sheet
+
+TILE = (420, 420)  # pixels of a picture, with its bar
+BAR = 150  # pixels that the bar and, opposite, nothing take
+TURN = (240, 300)  # pixels of a turntable
+COLUMNS = 5
+FPS = 8
+CAPTION = "feature change"
+COLORS = "YlOrRd"  # what stays is light, and its shading shows
+
+
+def run(
+    model_name: str,
+    output: Path,
+    top: int | None,
+    users: int,
+    turntable: int,
+    progress: Callable[[int, int], None],
+) -> dict[str, Any]:
+    """Analyse a model's components and write what was found.
+
+    Args:
+        model_name: shipped name or path.
+        output: directory, made if missing.
+        top: how many components, the strongest; None is all.
+        users: training shapes to name for each.
+        turntable: pictures of a turn around each; 0 is none.
+        progress: called with the pictures done and their number.
+
+    Returns:
+        The table's rows, the sharing of activation, and the files.
+    """
+    model = deformer.load_model(model_name)
+    analysis = ComponentAnalysis(model, users)
+    found = analysis.ranked(top)
+    output.mkdir(parents=True, exist_ok=True)
+    stems = [f"component-{c.index:02d}" for c in found]
+    for c, stem in zip(found, stems, strict=True):
+        io.save_mesh(output / f"{stem}.ply", analysis.shape(c.index))
+    total = len(found) * (1 + turntable)
+    up = str(model.summary.get("up", "y"))
+    tiles = []
+    for stem, picture in zip(stems, heat_maps(analysis, found, up), strict=True):
+        save_sheet(output / f"{stem}.png", picture)
+        tiles.append(picture)
+        progress(len(tiles), total)
+    save_sheet(output / "sheet.png", contact_sheet(tiles, COLUMNS, [title(c) for c in found]))
+    if turntable:
+        _turntables(analysis, found, up, turntable, [output / f"{s}.gif" for s in stems], progress)
+    rows = [asdict(c) for c in found]
+    _save_table(output / "components.csv", rows)
+    result = {"model": model_name, "components": rows, "sharing": analysis.sharing}
+    io.write_json(output / "components.json", console.plain(result))
+    return {**result, "files": sorted(output.iterdir())}
+
+
+def heat_maps(
+    analysis: ComponentAnalysis, found: list[Component], up: str, size: tuple[int, int] = TILE
+) -> Iterator[Picture]:
+    """Every component's representative shape, coloured by how its features change.
+
+    One camera and one scale of colours for all; pictures are wider than BAR.
+    """
+    layers = _layers(analysis, found)
+    seen = np.stack([layer.mesh.vertices for layer in layers])
+    camera = aim(seen, up=up, aspect=(size[0] - BAR) / size[1])
+    for layer in layers:
+        yield render(layer, camera, size)
+
+
+def title(component: Component) -> str:
+    """Caption of a picture."""
+    return f"{_key(component.index, component.label)}: strength {component.strength:.1f}"
+
+
+def rename(model_name: str, assignments: list[str], output: Path | None) -> dict[str, Any]:
+    """Name components by assignments "3=left arm up", in place or in a copy.
+
+    Returns:
+        Where the model is, and all its names.
+
+    Raises:
+        InputError: no assignment, or what `deformer.save_names` refuses.
+    """
+    names: dict[int, str] = {}
+    model = deformer.load_model(model_name)
+    for text in assignments:
+        key, sign, name = text.partition("=")
+        if not sign:
+            raise deformer.InputError(f'name: got {text!r}, expected COMPONENT=NAME, as 3="nod"')
+        names[model.component(key)] = name
+    if output is None:
+        named = deformer.save_names(model_name, names)
+    else:
+        named = model.named(names)
+        named.save(output)
+    return {
+        "model": str(output or model_name),
+        "names": {str(k): n for k, n in named.names.items()},
+    }
+
+
+def show(result: dict[str, Any]) -> None:
+    """Print what `run` returned."""
+    rows = [
+        [
+            _key(c["index"], c["label"]),
+            f"{c['strength']:.2f}",
+            f"{c['motion']:.3g}",
+            str(c["support"]),
+            f"{c['extent']:.2f}",
+            str(c["centre"]),
+            f"{c['sharing']:+.2f} {c['partner']}" if c["partner"] >= 0 else "none",
+            " ".join(map(str, c["users"])),
+        ]
+        for c in result["components"]
+    ]
+    console.show_table(
+        f"Components of {result['model']}, the strongest first",
+        ["k", "strength", "motion", "support", "extent", "centre", "shares", "used by"],
+        rows,
+    )
+    console.note(f"Wrote {len(result['files'])} files to {result['files'][0].parent}")
+
+
+def _key(index: int, label: str) -> str:
+    """ "3", or "3 left arm up" where it is named."""
+    return f"{index}" if label == f"component {index}" else f"{index} {label}"
+
+
+def _layers(analysis: ComponentAnalysis, found: list[Component]) -> list[Layer]:
+    heats = [analysis.activations.displacement(c.index) for c in found]
+    # A few vertices of one component shall not take the colours from all others.
+    limit = max(float(np.quantile(np.stack(heats), 0.999)), 1e-9)
+    return [
+        Layer(
+            analysis.shape(c.index),
+            scalars=heat,
+            limits=(0.0, limit),
+            title=CAPTION,
+            colormap=COLORS,
+        )
+        for c, heat in zip(found, heats, strict=True)
+    ]
+
+
+def _turntables(
+    analysis: ComponentAnalysis,
+    found: list[Component],
+    up: str,
+    count: int,
+    files: list[Path],
+    progress: Callable[[int, int], None],
+) -> None:
+    sky = upright_axes(up)[1]
+    done = len(found)
+    for layer, file in zip(_layers(analysis, found), files, strict=True):
+        bare = replace(layer, bar=False)
+        frames = []
+        for camera in _around(layer.mesh, up, sky, count):
+            frames.append(render(bare, camera, TURN))
+            done += 1
+            progress(done, len(found) * (1 + count))
+        with io.atomic_path(file) as temporary:
+            save_gif(temporary, frames, FPS)
+
+
+def _around(mesh: Mesh, up: str, sky: Any, count: int) -> list[Camera]:
+    """Cameras of a full turn, as far away as the widest view needs."""
+    aspect = TURN[0] / TURN[1]
+    views = [aim(mesh.vertices, up=up, aspect=aspect, azimuth=a) for a in range(0, 360, 30)]
+    far = max(views, key=lambda c: float(np.sum(np.subtract(c.position, c.focal) ** 2)))
+    middle = 0.5 * (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0))
+    eye = middle + np.subtract(far.position, far.focal)
+    first = Camera(tuple(eye.tolist()), tuple(middle.tolist()), far.up)
+    return [first.orbited(360.0 * n / count, 0.0, sky) for n in range(count)]
+
+
+def _save_table(path: Path, rows: list[dict[str, Any]]) -> None:
+    with io.atomic_path(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as f:
+        table = csv.DictWriter(f, rows[0].keys())
+        table.writeheader()
+        for row in rows:
+            table.writerow({**row, "users": " ".join(map(str, row["users"]))})

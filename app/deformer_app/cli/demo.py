@@ -1,0 +1,261 @@
+"""The demonstration: replay a drag on an upright model, time it, and picture what happened."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import deformer
+from deformer import Mesh, io
+from deformer_app import console
+from deformer_app.rendering.camera import aim, upright_axes
+from deformer_app.rendering.offscreen import (
+    HandleMarks,
+    contact_sheet,
+    render,
+    save_gif,
+    save_picture,
+)
+from deformer_app.viewer.session import NOISE
+
+if TYPE_CHECKING:
+    from deformer import DeformationModel
+
+REACH_STEPS = 60  # mouse moves that raise the wrist
+CROUCH_STEPS = 40  # mouse moves that push the head down
+TILE = (420, 520)  # pixels of a picture on the sheet
+FRAME = (360, 440)  # pixels of the animation
+FRAME_STRIDE = 2  # mouse moves a picture of the animation
+
+# The figure is measured in its own height. Shoulders sit at 0.1 from the middle and 0.82 up.
+SHOULDER_SIDE, SHOULDER_DROP = 0.10, 0.18
+WRIST = 0.68  # where the wrist is on the way from the shoulder to the fingertips
+RAISED = np.radians(80)  # elevation of the arm at the end of the reach
+CROUCH = 0.12  # how far the head goes down
+
+
+@dataclass(frozen=True, eq=False)
+class Drag:
+    """Handles on a figure and the recorded way of the mouse.
+
+    Args:
+        names: of the handles.
+        vertices: of the handles.
+        pinned: which of them hold still throughout.
+        moves: (handle, target) of every mouse move, in order.
+    """
+
+    names: tuple[str, ...]
+    vertices: tuple[int, ...]
+    pinned: tuple[bool, ...]
+    moves: tuple[tuple[int, NDArray[np.float64]], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Take:
+    """What the solver made of one mouse move: surface (V, 3), targets and residuals (H,)."""
+
+    vertices: NDArray[np.float64]
+    targets: NDArray[np.float64]
+    residual: NDArray[np.float64]
+    milliseconds: float
+
+
+def record(reference: Mesh, up: str = "y") -> Drag:
+    """Lay out the drag on any upright figure: feet pinned, a wrist raised, the head pushed down.
+
+    The handles are found from the figure's outermost vertices, so that no vertex numbers need to
+    be known.
+
+    Args:
+        reference: the figure, standing.
+        up: its up axis, see `upright_axes`.
+    """
+    axes = upright_axes(up)
+    local = reference.vertices @ axes.T
+    left, height, front = local.T
+    size = float(np.ptp(height))
+    middle = (left.min() + left.max()) / 2
+    # The arm turns about the shoulder in the plane of left and up.
+    shoulder = np.array([middle + SHOULDER_SIDE * size, height.max() - SHOULDER_DROP * size])
+    fingertip = local[np.argmax(left), :2]
+    wrist = shoulder + WRIST * (fingertip - shoulder)
+    off_wrist = np.sqrt(((local[:, :2] - wrist) ** 2).sum(axis=1))
+    candidates = {
+        "left toes": np.argmax(0.3 * left + 0.5 * front - height),
+        "left heel": np.argmax(0.3 * left - 0.5 * front - height),
+        "right toes": np.argmax(-0.3 * left + 0.5 * front - height),
+        "right heel": np.argmax(-0.3 * left - 0.5 * front - height),
+        "left wrist": np.argmin(off_wrist - 0.15 * front),
+        "head": np.argmax(height - 0.2 * np.abs(left - middle)),
+    }
+    handles: dict[int, str] = {}
+    for name, vertex in candidates.items():
+        handles.setdefault(int(vertex), name)  # a pole has fewer
+    names, vertices = tuple(handles.values()), tuple(handles)
+
+    hand = local[candidates["left wrist"]]
+    arm = hand[:2] - shoulder
+    length, start = np.sqrt((arm**2).sum()), np.arctan2(arm[1], arm[0])
+    moves = []
+    for step in _eased(REACH_STEPS):
+        angle = start + step * (RAISED - start)
+        target = [*(shoulder + length * np.array([np.cos(angle), np.sin(angle)])), hand[2]]
+        moves.append((vertices.index(int(candidates["left wrist"])), target @ axes))
+    head = local[candidates["head"]]
+    for step in _eased(CROUCH_STEPS):
+        target = head - [0, step * CROUCH * size, 0]
+        moves.append((vertices.index(int(candidates["head"])), target @ axes))
+    return Drag(
+        names, vertices, tuple("toes" in name or "heel" in name for name in names), tuple(moves)
+    )
+
+
+def replay(model: DeformationModel, drag: Drag, progress: Callable[[int], None]) -> list[Take]:
+    """Feed the drag to a solver as the mouse would; the first take is the pose before any move."""
+    # As the viewer has it: a hand pulls, and handles that hold still say where the body is.
+    solver = deformer.HandleSolver(model, noise=NOISE, freedom=1.0)
+    targets = model.reference.vertices[list(drag.vertices)].copy()
+    started = perf_counter()
+    solver.set_handles(list(drag.vertices), targets)
+    pose = solver.solve()
+    takes = [_take(pose, targets, started)]
+    for handle, target in drag.moves:
+        targets[handle] = target
+        started = perf_counter()
+        pose = solver.drag(drag.vertices[handle], target)
+        takes.append(_take(pose, targets, started))
+        progress(len(takes))
+    return takes
+
+
+def run(model_name: str, output: Path, progress: Callable[[int, int], None]) -> dict[str, Any]:
+    """Replay the drag and write sheet.png, drag.gif and pose.ply to `output`.
+
+    Args:
+        model_name: shipped name or path of an upright model.
+        output: directory, made if missing.
+        progress: called with the number of steps done and of all steps.
+
+    Returns:
+        Residuals by handle, milliseconds a frame, and the files.
+    """
+    model = deformer.load_model(model_name)
+    up = str(model.summary.get("up", "y"))
+    drag = record(model.reference, up)
+    shown = range(0, len(drag.moves) + 1, FRAME_STRIDE)
+    total = len(drag.moves) + 1 + len(shown)
+    takes = replay(model, drag, lambda done: progress(done, total))
+
+    output.mkdir(parents=True, exist_ok=True)
+    files = [output / name for name in ("pose.ply", "sheet.png", "drag.gif")]
+    io.save_mesh(files[0], Mesh(takes[-1].vertices, model.reference.faces))
+    save_picture(files[1], _sheet(model.reference, drag, takes, up))
+    camera = _camera(model.reference, takes, up, FRAME)
+    frames = []
+    for index in shown:
+        frames.append(_picture(model.reference, drag, takes[index], camera, FRAME))
+        progress(len(takes) + len(frames), total)
+    save_gif(files[2], [*frames, *[frames[-1]] * 10], fps=20)
+    return {"model": model_name, **_summarize(model.reference, drag, takes, up), "files": files}
+
+
+def show(result: dict[str, Any]) -> None:
+    """Print what `run` returned."""
+    size, time = result["height"], result["milliseconds"]
+    rows = [
+        [
+            handle["name"],
+            str(handle["vertex"]),
+            "pinned" if handle["pinned"] else "dragged" if handle["moves"] else "held",
+            f"{100 * handle['residual_rms'] / size:.2f}",
+            f"{100 * handle['max_residual'] / size:.2f}",
+        ]
+        for handle in result["handles"]
+    ]
+    console.show_table(
+        f"Distance from handle to target over {result['frames']} frames, % of the figure's height",
+        ["handle", "vertex", "role", "rms", "largest"],
+        rows,
+    )
+    console.show_table(
+        f"Time a frame, from mouse move to {result['vertices']} new vertices, ms",
+        ["first", "median", "p95", "largest"],
+        [[f"{time[name]:.2f}" for name in ("first", "median", "p95", "largest")]],
+    )
+    for file in result["files"]:
+        console.note(f"Wrote {file}")
+
+
+def _eased(count: int) -> NDArray[np.float64]:
+    """Rise from 0 (left out) to 1 as a hand moves a mouse: slow, fast, slow."""
+    return 0.5 - 0.5 * np.cos(np.pi * np.arange(1, count + 1) / count)
+
+
+def _take(pose: Any, targets: NDArray[np.float64], started: float) -> Take:
+    milliseconds = 1000 * (perf_counter() - started)
+    return Take(
+        np.array(pose.vertices), targets.copy(), np.array(pose.residual, dtype=float), milliseconds
+    )
+
+
+def _summarize(reference: Mesh, drag: Drag, takes: list[Take], up: str) -> dict[str, Any]:
+    height = float(np.ptp(reference.vertices @ upright_axes(up)[1]))
+    residual = np.stack([take.residual for take in takes])
+    moved = [handle for handle, _ in drag.moves]
+    times = [take.milliseconds for take in takes[1:]]
+    return {
+        "vertices": len(reference.vertices),
+        "frames": len(takes),
+        "height": height,
+        "handles": [
+            {
+                "name": name,
+                "vertex": drag.vertices[index],
+                "pinned": drag.pinned[index],
+                "moves": moved.count(index),
+                "residual_rms": float(np.sqrt((residual[:, index] ** 2).mean())),
+                "max_residual": float(residual[:, index].max()),
+            }
+            for index, name in enumerate(drag.names)
+        ],
+        "milliseconds": {
+            "first": takes[0].milliseconds,
+            "median": float(np.median(times)),
+            "p95": float(np.percentile(times, 95)),
+            "largest": max(times),
+        },
+    }
+
+
+def _camera(reference: Mesh, takes: list[Take], up: str, size: tuple[int, int]) -> Any:
+    """One camera that keeps the figure in view throughout."""
+    seen = np.stack([reference.vertices, *[take.vertices for take in takes[::FRAME_STRIDE]]])
+    return aim(seen, up=up, aspect=size[0] / size[1])
+
+
+def _picture(reference: Mesh, drag: Drag, take: Take, camera: Any, size: tuple[int, int]) -> Any:
+    marks = HandleMarks(take.vertices[list(drag.vertices)], take.targets, drag.pinned)
+    return render(Mesh(take.vertices, reference.faces), camera, size, marks)
+
+
+def _sheet(reference: Mesh, drag: Drag, takes: list[Take], up: str) -> Any:
+    """Reference, handles, and poses along the drag."""
+    camera = _camera(reference, takes, up, TILE)
+    raised = min(REACH_STEPS, len(takes) - 1)
+    chosen = {
+        "Handles": 0,
+        "Wrist halfway": raised // 2,
+        "Wrist raised": raised,
+        "Head halfway": (raised + len(takes) - 1) // 2,
+        "Head down": len(takes) - 1,
+    }
+    pictures = [render(reference, camera, TILE)]
+    pictures += [_picture(reference, drag, takes[i], camera, TILE) for i in chosen.values()]
+    return contact_sheet(pictures, 3, ["Reference", *chosen])

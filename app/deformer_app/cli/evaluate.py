@@ -1,0 +1,160 @@
+"""The arguments of `deformer evaluate`; part of `deformer`."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from deformer_app import console
+from deformer_app.cli.arguments import Json, examples, words
+
+app = typer.Typer()
+
+
+class Preset(StrEnum):
+    """Evaluations made ready."""
+
+    quick = "quick"
+    paper = "paper"
+
+
+@app.command(
+    epilog=examples(
+        "deformer evaluate walk/ -o evaluation --preset quick",
+        "deformer evaluate walk-model walk/ -o evaluation --methods arap,arap-nearest",
+        "deformer evaluate datasets/ -o evaluation --preset paper --processes 2",
+    )
+)
+def evaluate(
+    paths: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="[MODEL] SHAPES...",
+            help="A model and the shapes that it was trained from, measured on those it has not "
+            "seen; or sets of shapes, on which every method is trained.",
+            show_default=False,
+        ),
+    ],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", help="Directory for results and report; the same again goes on."
+        ),
+    ],
+    preset: Annotated[
+        Preset | None,
+        typer.Option(
+            help="quick: minutes, a first look. paper: the paper's tables and figures from a "
+            "folder with its data sets."
+        ),
+    ] = None,
+    methods: Annotated[
+        str | None, typer.Option(help="Names with commas between.  \\[default: all]")
+    ] = None,
+    protocols: Annotated[
+        str | None,
+        typer.Option(
+            help="reconstruction, sparse_control, sensitivity, noise, rotation.  "
+            "\\[default: reconstruction,sparse_control,rotation]"
+        ),
+    ] = None,
+    components: Annotated[
+        str | None,
+        typer.Option(
+            help="Numbers of components for reconstruction; 50 of them, or the largest, for the "
+            "other protocols.  \\[default: 50]"
+        ),
+    ] = None,
+    counts: Annotated[
+        str | None, typer.Option(help="Numbers of control points.  \\[default: 5,10,20,40,80]")
+    ] = None,
+    splits: Annotated[
+        int | None, typer.Option(min=1, help="How many random splits.  \\[default: 1]")
+    ] = None,
+    seeds: Annotated[
+        int | None,
+        typer.Option(min=1, help="First control points drawn for each split.  \\[default: 1]"),
+    ] = None,
+    split: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help='JSON {"train": \\[indices], "test": \\[indices]} in place of random splits; can '
+            "be given several times."
+        ),
+    ] = None,
+    sequence: Annotated[
+        bool,
+        typer.Option(
+            "--sequence",
+            help="The shapes are frames in order: train on one in ten and not on half, and "
+            "measure motion, too.",
+        ),
+    ] = False,
+    align: Annotated[
+        bool,
+        typer.Option(
+            "--align", help="First take each shape's rigid motion against the reference away."
+        ),
+    ] = False,
+    up: Annotated[
+        str | None, typer.Option(help="Axis that points up in pictures.  \\[default: y]")
+    ] = None,
+    epochs: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="At most so many steps of a network's training.  \\[default: its own]"
+        ),
+    ] = None,
+    tests: Annotated[
+        int | None, typer.Option(min=1, help="Measure on at most so many test shapes.")
+    ] = None,
+    processes: Annotated[int, typer.Option(min=1, help="Trainings at a time.")] = 1,
+    as_json: Json = False,
+) -> None:
+    """Measure how well methods recover shapes that they have not seen; write tables and a report.
+
+    Writes results.json, results.csv, run.json and report.html. An interrupted run goes on when the
+    same command is given again.
+    """
+    from deformer_app.report import evaluation as evaluating
+
+    options = evaluating.Options(
+        methods=words(methods),
+        protocols=words(protocols),
+        components=_numbers("components", components),
+        counts=_numbers("counts", counts),
+        splits=splits,
+        seeds=seeds,
+        split_files=tuple(split or ()),
+        sequence=sequence,
+        align=align,
+        up=up,
+        epochs=epochs,
+        tests=tests,
+    )
+    chosen = preset.value if preset else None
+    try:
+        with console.cells_progress() as report:
+            result = evaluating.run(paths, output, options, chosen, processes, report)
+    except KeyboardInterrupt:
+        console.note("Interrupted: what is finished is kept; the same command goes on.")
+        raise typer.Exit(console.INTERRUPTED) from None
+    if as_json:
+        console.emit(result)
+        return
+    console.show_facts(str(output), result)
+
+
+def _numbers(name: str, text: str | None) -> tuple[int, ...] | None:
+    """Whole numbers with commas between them, each once, in order."""
+    if text is None:
+        return None
+    try:
+        return tuple(sorted({int(word) for word in text.split(",")}))
+    except ValueError:
+        raise typer.BadParameter(
+            f"expected whole numbers with commas between, got {text!r}", param_hint=f"--{name}"
+        ) from None

@@ -1,0 +1,438 @@
+"""The `deformer` command. Heavy modules are imported by the command that needs them."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import shutil
+import sys
+from enum import StrEnum
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from deformer_app import console
+from deformer_app.cli import evaluate as evaluate_command, shapes as shape_commands
+from deformer_app.cli.arguments import MODEL_HELP, Json, Shapes, examples
+
+if TYPE_CHECKING:
+    from deformer import DeformationModel, MeshSequence
+
+
+app = typer.Typer(
+    name="deformer",
+    help="Drag a few points of a mesh; a prior learned from example shapes moves the rest.",
+    epilog="Start with: deformer demo",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+app.add_typer(shape_commands.app)
+app.add_typer(evaluate_command.app)
+
+
+class Config(StrEnum):
+    """Networks and losses to train with."""
+
+    default = "default"
+    paper = "paper"
+
+
+def main() -> None:
+    """Run the command line and exit with its status; without arguments show the help."""
+    # Both libraries' threads spin while they wait for each other. On a machine that does anything
+    # else, training then takes 2 to 10 times as long and a drag 10 times; its matrices are too
+    # small to share anyway. Read when PyTorch and numpy are imported, so it has to happen here.
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    sys.exit(console.run(app))
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"deformer {version('deformer')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    _: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="Print the version and exit.", is_eager=True, callback=_print_version
+        ),
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command(epilog=examples("deformer check walk/", "deformer check walk.npz --json"))
+def check(shapes: Shapes, as_json: Json = False) -> None:
+    """Examine example shapes before training: what they hold, what is wrong with them.
+
+    Exits with 1 if they cannot be trained on.
+    """
+    from deformer import examine
+
+    report = examine(_load_shapes(shapes))
+    if as_json:
+        console.emit(report.as_dict())
+    else:
+        console.show_facts(str(shapes), report.facts)
+        if report.findings:
+            rows = [[finding.severity, finding.message] for finding in report.findings]
+            console.show_table("Findings", ["severity", "message"], rows)
+        else:
+            console.out.print("No findings.")
+    if not report.usable:
+        raise typer.Exit(1)
+
+
+@app.command(
+    epilog=examples(
+        "deformer train walk/ -o walk-model --components 20",
+        "deformer train walk/ -o walk-model --resume",
+    )
+)
+def train(
+    shapes: Shapes,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Directory to write the model to.")
+    ],
+    components: Annotated[int, typer.Option(min=1, help="Latent dimensions K.")] = 50,
+    epochs: Annotated[
+        int | None,
+        typer.Option(min=1, help="Steps of the optimiser.  [default: the configuration's]"),
+    ] = None,
+    split: Annotated[
+        Path | None,
+        typer.Option(
+            help='JSON {"train": \\[indices], "test": \\[indices]}; trains on all if absent.'
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
+    device: Annotated[str, typer.Option(help="auto, cpu, cuda or mps.")] = "auto",
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on from the checkpoint of an interrupted run.")
+    ] = False,
+    config: Annotated[
+        Config, typer.Option(help="default, or the network and losses of the paper.")
+    ] = Config.default,
+    align: Annotated[
+        bool,
+        typer.Option(
+            "--align", help="First take each shape's rigid motion against the reference away."
+        ),
+    ] = False,
+    up: Annotated[str, typer.Option(help="Axis that points up, for pictures: x, y, z, -x…")] = "y",
+    as_json: Json = False,
+) -> None:
+    """Learn a model from example shapes.
+
+    Checkpoints are kept in OUTPUT.checkpoint while training runs. Ctrl-C saves the best model so
+    far; --resume goes on from there.
+    """
+    import deformer
+    from deformer import io
+
+    checkpoint = _prepare_output(output, resume)
+    sequence = _load_shapes(shapes)
+    _refuse_unusable(shapes, sequence)
+    parts = io.load_split(split, len(sequence)) if split else None
+    with console.training_progress() as report:
+        model = deformer.train(
+            sequence,
+            components,
+            config=config.value,
+            epochs=epochs,
+            split=parts,
+            seed=seed,
+            device=device,
+            align_shapes=align,
+            up=up,
+            checkpoint=checkpoint,
+            resume=resume,
+            on_progress=report,
+        )
+    model.save(output)
+    interrupted = bool(model.summary.get("interrupted"))
+    if not interrupted:
+        shutil.rmtree(checkpoint, ignore_errors=True)
+    if as_json:
+        console.emit({"model": str(output), **_describe(model)})
+    else:
+        console.show_facts(f"{output}", model.summary)
+    if interrupted:
+        console.note(f"Interrupted: saved the best model so far to {output}.")
+        console.note(f"To go on: {_command_to_resume()}")
+        raise typer.Exit(console.INTERRUPTED)
+    console.note(f"Saved {output}.")
+
+
+@app.command(epilog=examples("deformer info", "deformer info humanoid", "deformer info walk-model"))
+def info(
+    model: Annotated[
+        str | None,
+        typer.Argument(metavar="[MODEL]", help=f"{MODEL_HELP} Lists the shipped models if absent."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Show what is in a model, or which models are shipped."""
+    import deformer
+
+    if model is None:
+        names = list(deformer.shipped_models())
+        if as_json:
+            console.emit({"shipped": names})
+        else:
+            console.out.print("Shipped models:", *(names or ["none"]))
+        return
+    loaded = deformer.load_model(model)
+    facts = _describe(loaded)
+    if as_json:
+        console.emit({"model": model, **facts})
+        return
+    summary, config = facts.pop("summary"), facts.pop("config")
+    console.show_facts(model, facts)
+    console.show_facts("Configuration", config)
+    console.show_facts("Training", summary)
+
+
+@app.command(
+    epilog=examples(
+        "deformer fit humanoid handles.json -o pose.ply",
+        "deformer fit walk-model frames.json -o poses.npz --hard",
+        "deformer fit --session edited.json -o pose.ply",
+    )
+)
+def fit(
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            help="One pose: a mesh file (.obj .ply .off .stl .glb). A sequence: .npz or a "
+            "directory of PLY files.",
+        ),
+    ],
+    model: Annotated[
+        str | None,
+        typer.Argument(metavar="MODEL", help=MODEL_HELP, show_default=False),
+    ] = None,
+    handles: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="HANDLES",
+            help='JSON {"handles": \\[{"vertex": 17, "position": \\[x, y, z], "weight": 1}, …]}, '
+            'or {"frames": \\[\\[…handles…], …]} for a sequence.',
+            show_default=False,
+        ),
+    ] = None,
+    session: Annotated[
+        Path | None,
+        typer.Option(
+            help="In place of HANDLES: a session saved by deformer edit, to the pose it shows. "
+            "MODEL is then only needed if the model has moved.",
+        ),
+    ] = None,
+    hard: Annotated[
+        bool, typer.Option("--hard", help="Meet every handle exactly, and not just closely.")
+    ] = False,
+    smoothness: Annotated[
+        float,
+        typer.Option(min=0, help="Of sequences: weight of accelerations; 0 fits frame by frame."),
+    ] = 10.0,
+    device: Annotated[str, typer.Option(help="Of sequences: cpu, cuda, mps or auto.")] = "cpu",
+    as_json: Json = False,
+) -> None:
+    """Pose a model by handles: where a few of its vertices should be.
+
+    A sequence is fitted as a whole, without jitter; its frames may have different handles.
+    """
+    import deformer
+    from deformer import io
+    from deformer_app.cli import fit as fitting
+
+    if session is not None:
+        _fit_session(session, model, handles, output, as_json)
+        return
+    if model is None or handles is None:
+        raise deformer.InputError(
+            "fit: expected MODEL and HANDLES, or --session FILE; see deformer fit --help"
+        )
+    loaded = deformer.load_model(model)
+    file = io.load_handles(handles, len(loaded.reference.vertices))
+    fitting.check_output(output, file.is_sequence)
+    if file.is_sequence:
+        with console.progress("fitting") as report:
+            vertices, result = fitting.sequence(
+                loaded,
+                file,
+                hard=hard,
+                smoothness=smoothness,
+                device=device,
+                progress=report,
+            )
+    else:
+        vertices, result = fitting.pose(loaded, file, hard)
+    fitting.save(output, loaded.reference.faces, vertices)
+    if as_json:
+        console.emit({**result, "output": str(output)})
+        return
+    hidden = ("z", "frames")
+    facts = {name: value for name, value in result.items() if name not in hidden}
+    console.show_facts(str(output), {"frames": len(file.frames), **facts})
+
+
+@app.command(
+    epilog=examples(
+        "deformer edit",
+        "deformer edit walk-model",
+        "deformer edit --session pose.json",
+    )
+)
+def edit(
+    model: Annotated[
+        str | None,
+        typer.Argument(metavar="[MODEL]", help=f"{MODEL_HELP} The shipped humanoid if absent."),
+    ] = None,
+    session: Annotated[Path | None, typer.Option(help="A saved session to go on with.")] = None,
+    plain: Annotated[
+        bool,
+        typer.Option("--plain", help="A bare window without menus; needs no Qt."),
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Open a window: click a vertex, drag it, done.
+
+    Menus and docks need Qt: pip install "deformer\\[app]". With --json what came of it is printed
+    when the window is closed.
+    """
+    from deformer import InputError
+    from deformer_app.viewer.editor import opening
+
+    first, saved = opening(model, session)
+    if plain:
+        from deformer_app.viewer.plain import PlainWindow
+
+        edited = PlainWindow(first, saved, session).run()
+    else:
+        try:
+            from deformer_app.viewer.qt.window import run_window
+        except ImportError as error:
+            raise InputError(
+                f'edit: the window needs Qt ({error}); pip install "deformer[app]", or add --plain'
+            ) from error
+        edited = run_window(first, saved, session)
+    if as_json:
+        console.emit(edited.summary())
+
+
+@app.command(epilog=examples("deformer demo", "deformer demo -o pictures --json"))
+def demo(
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Directory for the pictures and the mesh.")
+    ] = Path("demo-out"),
+    model: Annotated[str, typer.Option(help=f"{MODEL_HELP} It should stand upright.")] = "humanoid",
+    as_json: Json = False,
+) -> None:
+    """Replay a drag on the shipped model; write pictures, an animation and the last pose.
+
+    Needs no network and no display.
+    """
+    from deformer_app.cli import demo as player
+
+    with console.progress("demo") as report:
+        result = player.run(model, output, report)
+    if as_json:
+        console.emit(result)
+        return
+    player.show(result)
+
+
+def _fit_session(
+    path: Path, model: str | None, handles: Path | None, output: Path, as_json: bool
+) -> None:
+    """Write the pose that a session shows."""
+    import deformer
+    from deformer_app.cli import fit as fitting
+    from deformer_app.viewer import pose_worker as posing
+    from deformer_app.viewer.session import Session
+
+    if handles is not None:
+        raise deformer.InputError(f"fit: got both {handles} and --session; give one of them")
+    fitting.check_output(output, is_sequence=False)
+    session = Session.load(path)
+    loaded = deformer.load_model(model or session.model.path)
+    session.check_fits(loaded, path)
+    pose = posing.replay(session, loaded)
+    fitting.save(output, loaded.reference.faces, pose.vertices)
+    result = fitting.describe(pose)
+    if as_json:
+        console.emit({**result, "output": str(output)})
+    else:
+        console.show_facts(str(output), {k: v for k, v in result.items() if k != "z"})
+
+
+def _load_shapes(path: Path) -> MeshSequence:
+    import deformer
+
+    with console.progress("loading") as report:
+        return deformer.load_shapes(path, report)
+
+
+def _refuse_unusable(path: Path, shapes: MeshSequence) -> None:
+    """Print the doctor's warnings; raise if there is an error among the findings."""
+    from deformer import InputError, examine
+
+    report = examine(shapes)
+    errors = [finding.message for finding in report.findings if finding.severity == "error"]
+    for finding in report.findings:
+        if finding.severity == "warning":
+            console.warn(finding.message)
+    if not report.usable:
+        reason = errors[0] if errors else "unusable"
+        raise InputError(
+            f"{path}: {reason} (all findings: deformer check {shlex.quote(str(path))})"
+        )
+
+
+def _prepare_output(output: Path, resume: bool) -> Path:
+    """Check where the model goes before hours are spent; return the folder for checkpoints."""
+    from deformer import InputError
+
+    if output.exists() and not output.is_dir():
+        raise InputError(f"{output}: is a file, expected a directory for the model; choose another")
+    if output.is_dir() and any(output.iterdir()) and not any(output.glob("*.safetensors")):
+        raise InputError(f"{output}: holds something other than a model; choose another directory")
+    checkpoint = output.with_name(output.name + ".checkpoint")
+    if resume and not checkpoint.is_dir():
+        raise InputError(f"{checkpoint}: no checkpoint to resume from; leave out --resume")
+    if not resume and checkpoint.is_dir():
+        console.warn(f"replacing the checkpoint {checkpoint}; --resume would go on from it")
+        shutil.rmtree(checkpoint)
+    output.absolute().parent.mkdir(parents=True, exist_ok=True)
+    return checkpoint
+
+
+def _command_to_resume() -> str:
+    arguments = [*sys.argv[1:], *([] if "--resume" in sys.argv else ["--resume"])]
+    return shlex.join(["deformer", *arguments])
+
+
+def _describe(model: DeformationModel) -> dict[str, Any]:
+    reference = model.reference
+    return {
+        "vertices": len(reference.vertices),
+        "faces": len(reference.faces),
+        "components": model.components,
+        "names": {str(k): name for k, name in model.names.items()},
+        "bounding_diagonal": reference.bounding_diagonal,
+        "split": {part: len(indices) for part, indices in (model.split or {}).items()},
+        "config": console.plain(model.config),
+        "summary": console.plain(model.summary),
+    }

@@ -1,0 +1,244 @@
+"""Commands about a model's components and the shapes it can make; part of `deformer`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from deformer_app import console
+from deformer_app.cli.arguments import Json, Model, examples
+
+app = typer.Typer()
+
+FOLDER_HELP = "Directory to write to."
+SHAPE_HELP = (
+    "A mesh file of the model's connectivity, the number of a training shape, a JSON file with a "
+    "latent code (as of deformer encode), or: reference."
+)
+
+
+@app.command(
+    epilog=examples(
+        "deformer components humanoid -o components", "deformer components walk-model -o c --top 8"
+    )
+)
+def components(
+    model: Model,
+    output: Annotated[Path, typer.Option("-o", "--output", help=FOLDER_HELP)],
+    top: Annotated[
+        int | None, typer.Option(min=1, help="Only so many, the strongest.  [default: all]")
+    ] = None,
+    users: Annotated[
+        int, typer.Option(min=0, help="Training shapes to name for each, those that use it most.")
+    ] = 3,
+    turntable: Annotated[
+        int, typer.Option(min=0, help="Pictures of a full turn around each; 0 draws none.")
+    ] = 16,
+    as_json: Json = False,
+) -> None:
+    """Show what every latent component does: meshes, heat-mapped pictures, a table.
+
+    Each component is taken to the extreme value of the training shapes that changes the reference
+    most. Writes components.csv and .json, sheet.png, and a mesh, a picture and a turntable each.
+    """
+    from deformer_app.cli import components as analysing
+
+    with console.progress("components") as report:
+        result = analysing.run(model, output, top, users, turntable, report)
+    if as_json:
+        console.emit(result)
+        return
+    analysing.show(result)
+
+
+@app.command(
+    epilog=examples(
+        'deformer name walk-model 3="left arm up" 7=nod',
+        "deformer name walk-model 3=",
+        'deformer name humanoid 3="left arm up" -o my-humanoid',
+    )
+)
+def name(
+    model: Model,
+    names: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="K=NAME...",
+            help="Component and its name; nothing after = takes a name away.",
+            show_default=False,
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Name those of a copy, written here, instead."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Name components of a model; the names count wherever a component's number does."""
+    from deformer_app.cli import components as analysing
+
+    result = analysing.rename(model, names, output)
+    if as_json:
+        console.emit(result)
+        return
+    console.show_facts(str(result["model"]), result["names"])
+
+
+@app.command(
+    epilog=examples(
+        "deformer synthesize humanoid --weights 2=0.8,5=1.2 -o pose.ply",
+        "deformer synthesize humanoid --sweep 2=-1:1:9 --sweep 5=0:1:9 -o sweeps",
+        "deformer synthesize humanoid --random 12 --seed 1 -o crowd",
+        "deformer synthesize humanoid --from 17 --weights 2=0.5 --onto other-model -o pose.ply",
+    )
+)
+def synthesize(
+    model: Model,
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            help="A mesh file (.obj .ply .off .stl .glb); a directory for sweeps and random "
+            "shapes.",
+        ),
+    ],
+    weights: Annotated[
+        str | None,
+        typer.Option(
+            help="Component=weight with commas between, by number or by name; 1 is the component's "
+            "extreme among the training shapes."
+        ),
+    ] = None,
+    sweep: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Component=first:last:count; each one given is a row, --weights hold for all."
+        ),
+    ] = None,
+    random: Annotated[
+        int | None, typer.Option(min=1, help="Draw so many shapes from the latent prior.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of --random.")] = 0,
+    bound: Annotated[
+        float,
+        typer.Option(
+            min=0,
+            help="Of --random: greatest distance from the nearest training shape; 1 is as far as "
+            "those are from each other.",
+        ),
+    ] = 1.0,
+    start: Annotated[
+        str, typer.Option("--from", help=f"Shape to start from. {SHAPE_HELP}")
+    ] = "reference",
+    ways: Annotated[
+        str,
+        typer.Option(
+            help="latent, or a linear counterpart: of features, or linear of vertices; several "
+            "with commas, for sweeps."
+        ),
+    ] = "latent",
+    onto: Annotated[
+        str | None,
+        typer.Option(help="Carry the deformation over to this model of the same connectivity."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Make new shapes: components weighted, swept, or drawn at random."""
+    from deformer_app.cli import synthesis as synthesising
+
+    request = synthesising.Request(
+        model, output, weights, tuple(sweep or ()), random, seed, bound, start, ways, onto
+    )
+    with console.progress("synthesis") as report:
+        result = synthesising.run(request, report)
+    if as_json:
+        console.emit(result)
+        return
+    console.show_facts(str(output), {k: v for k, v in result.items() if k not in ("z", "codes")})
+
+
+@app.command(
+    epilog=examples(
+        "deformer interpolate humanoid 3 40 -o path",
+        "deformer interpolate humanoid reference pose.ply 12 -o path --steps 17 --ways latent",
+    )
+)
+def interpolate(
+    model: Model,
+    keys: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="SHAPE SHAPE...",
+            help=f"Two or more to go through. Each: {SHAPE_HELP}",
+            show_default=False,
+        ),
+    ],
+    output: Annotated[Path, typer.Option("-o", "--output", help=FOLDER_HELP)],
+    steps: Annotated[
+        int, typer.Option(min=2, help="Shapes from one to the next, both counted.")
+    ] = 9,
+    ways: Annotated[
+        str, typer.Option(help="Of latent, features, linear; with commas between.")
+    ] = "latent,features,linear",
+    as_json: Json = False,
+) -> None:
+    """Go from shape to shape in latent codes, in features and straight, side by side.
+
+    Says how much shorter edges get on the way than between the shapes they lie between.
+    """
+    from deformer_app.cli import synthesis as synthesising
+
+    with console.progress("interpolation") as report:
+        result = synthesising.between(model, keys, output, steps, ways, report)
+    if as_json:
+        console.emit(result)
+        return
+    rows = [
+        [way, f"{found['shortest_total']:.3f}", f"{found['edges_5_percent']:.3f}"]
+        for way, found in result["ways"].items()
+    ]
+    console.show_table(
+        "Lengths on the way over those between the keys, least",
+        ["way", "all edges", "edge at 5 %"],
+        rows,
+    )
+    for file in result["files"]:
+        console.note(f"Wrote {file}")
+
+
+@app.command(
+    epilog=examples(
+        "deformer encode humanoid pose.ply", "deformer encode humanoid pose.ply -o code.json"
+    )
+)
+def encode(
+    model: Model,
+    shape: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SHAPE", help="A mesh of the model's connectivity.", show_default=False
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="Write the code (.json), or the mesh that it decodes to."
+        ),
+    ] = None,
+    quick: Annotated[
+        bool,
+        typer.Option("--quick", help="Keep the encoder's code; do not search for a better one."),
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Find the latent code of a shape, and how well the model reproduces it."""
+    from deformer_app.cli import synthesis as synthesising
+
+    result = synthesising.encode(model, shape, output, quick)
+    if as_json:
+        console.emit(result)
+        return
+    console.show_facts(str(shape), {k: v for k, v in result.items() if k != "z"})

@@ -1,0 +1,307 @@
+"""New shapes as files: what `synthesize`, `interpolate` and `encode` of the command line do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+import deformer
+from deformer import (
+    DeformationModel,
+    InputError,
+    MeshSequence,
+    Synthesis,
+    Way,
+    check_way,
+    io,
+    vertex_errors,
+)
+from deformer_app.cli import fit as fitting
+from deformer_app.cli.arguments import words
+from deformer_app.rendering.offscreen import contact_sheet
+from deformer_app.rendering.sheets import draw, save_animation, save_sheet, sheet
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Request:
+    """What `deformer synthesize` was asked for; see its help."""
+
+    model: str
+    output: Path
+    weights: str | None = None
+    sweeps: tuple[str, ...] = ()
+    random: int | None = None
+    seed: int = 0
+    bound: float = 1.0
+    start: str = "reference"
+    ways: str = "latent"
+    onto: str | None = None
+
+
+def run(request: Request, progress: Progress) -> dict[str, Any]:
+    """Make the shapes and write them; returns the record."""
+    ways = _ways(request.ways)
+    _check(request, ways)
+    model = deformer.load_model(request.model)
+    goal = model if request.onto is None else deformer.load_model(request.onto)
+    if request.random is not None:
+        codes = deformer.draw_codes(model, request.random, request.seed, request.bound)
+        shapes = np.stack([_decoded(model, goal, z) for z in codes])
+        familiarity = deformer.Familiarity(model)
+        distances = [familiarity.distance(z) for z in codes]
+        return _write_random(request, goal, shapes, codes, distances, progress)
+    weights = _weights(request.weights) if request.weights else {}
+    synthesis = Synthesis(model, start_code(model, request.start))
+    if request.sweeps:
+        return _sweeps(request, model, goal, synthesis, weights, ways, progress)
+    z = synthesis.code(weights)
+    vertices = synthesis.shape(weights, ways[0]) if goal is model else _decoded(model, goal, z)
+    fitting.save(request.output, goal.reference.faces, vertices)
+    return {
+        "output": str(request.output),
+        "way": ways[0],
+        "z": z,
+        "familiarity": deformer.Familiarity(model).distance(z),
+    }
+
+
+def between(
+    model_name: str, keys: list[str], output: Path, steps: int, ways: str, progress: Progress
+) -> dict[str, Any]:
+    """Go through shapes in several ways; write a sequence each, a sheet and an animation."""
+    chosen = _ways(ways)
+    if len(keys) < 2:
+        raise InputError(f"interpolate: got {len(keys)} shape, expected two or more")
+    model = deformer.load_model(model_name)
+    shapes = np.stack([_shape(model, key) for key in keys])
+    paths = {way: deformer.interpolate(model, shapes, steps, way) for way in chosen}
+    output.mkdir(parents=True, exist_ok=True)
+    faces = model.reference.faces
+    for way, path in paths.items():
+        io.save_shapes(output / f"{way}.npz", MeshSequence(path.vertices, faces))
+    drawn = draw({way: p.vertices for way, p in paths.items()}, faces, _up(model), progress)
+    titles = {way: [f"{way}, {t:.2f}" for t in path.times] for way, path in paths.items()}
+    save_sheet(output / "sheet.png", sheet(drawn, titles))
+    save_animation(output / "path.gif", drawn)
+    record = {
+        way: {
+            "shortest_total": float(path.length_ratios().min()),
+            "edges_5_percent": float(np.quantile(path.edge_ratios(), 0.05, axis=1).min()),
+        }
+        for way, path in paths.items()
+    }
+    result = {"model": model_name, "keys": keys, "ways": record}
+    io.write_json(output / "lengths.json", result)
+    return {
+        **result,
+        "files": _files(output, "sheet.png", "path.gif", *(f"{w}.npz" for w in chosen)),
+    }
+
+
+def encode(model_name: str, shape: Path, output: Path | None, quick: bool) -> dict[str, Any]:
+    """Code of a shape, and how far what it decodes to is from the shape."""
+    if output is not None and output.suffix.lower() != ".json":
+        fitting.check_output(output, is_sequence=False)
+    model = deformer.load_model(model_name)
+    vertices = _loaded(model, shape)
+    z = model.encode(vertices) if quick else model.fit(vertices)
+    found = model.decode(z)
+    found += vertices.mean(axis=0) - found.mean(axis=0)
+    result = {
+        "z": z,
+        "e_rms": deformer.e_rms(vertices, found),
+        "e_rms_aligned": deformer.e_rms(vertices, found, "rigid"),
+        "e_rms_of_encoder": deformer.e_rms(vertices, model.decode(model.encode(vertices))),
+        "largest_distance": float(vertex_errors(vertices, found).max()),
+        "familiarity": deformer.Familiarity(model).distance(z),
+    }
+    if output is None:
+        return result
+    if output.suffix.lower() == ".json":
+        io.write_json(output, result)
+    else:
+        fitting.save(output, model.reference.faces, found)
+    return {**result, "output": str(output)}
+
+
+def start_code(model: DeformationModel, text: str) -> NDArray | None:
+    """Code (K,) of a shape as the command line names it; None is the reference.
+
+    Raises:
+        InputError: no such training shape, no such file, or not of the model.
+    """
+    if text == "reference":
+        return None
+    if text.isdigit() or text.lower().endswith(".json"):
+        return _kept_code(model, text)
+    return model.fit(_loaded(model, Path(text)))
+
+
+def _kept_code(model: DeformationModel, text: str) -> NDArray:
+    """Code (K,) of a training shape by its number, or of a JSON file."""
+    if text.isdigit():
+        rows = model.split["train"]
+        if int(text) not in rows:
+            raise InputError(
+                f"shape {text}: not one that the model was trained on (of {min(rows)}…{max(rows)})"
+            )
+        return model.codes[rows.index(int(text))]
+    try:
+        code = np.asarray(io.read_json(text).get("z"), dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        code = np.empty(0)
+    if code.shape != (model.components,) or not np.isfinite(code).all():
+        raise InputError(f"{text}: expected 'z' with the model's {model.components} numbers")
+    return code
+
+
+def _shape(model: DeformationModel, text: str) -> NDArray:
+    """Vertices (V, 3) of a shape as the command line names it; a mesh as it is."""
+    if text == "reference":
+        return model.reference.vertices
+    if text.isdigit() or text.lower().endswith(".json"):
+        return model.decode(_kept_code(model, text))
+    return _loaded(model, Path(text))
+
+
+def _loaded(model: DeformationModel, path: Path) -> NDArray:
+    mesh = deformer.load_mesh(path)
+    if not np.array_equal(mesh.faces, model.reference.faces):
+        raise InputError(
+            f"{path}: {len(mesh.vertices)} vertices and {len(mesh.faces)} faces, not of the "
+            f"model's connectivity ({len(model.reference.vertices)}, {len(model.reference.faces)})"
+        )
+    return mesh.vertices
+
+
+def _check(request: Request, ways: tuple[Way, ...]) -> None:
+    """Raise InputError, before any work, for what does not go together."""
+    if request.random is not None and (request.weights or request.sweeps):
+        raise InputError("synthesize: --random goes without --weights and --sweep; leave them out")
+    if request.random is None and not request.weights and not request.sweeps:
+        raise InputError("synthesize: got none of --weights, --sweep, --random; give one")
+    if ways != ("latent",) and (request.onto or request.random is not None):
+        raise InputError("synthesize: --onto and --random know the way latent only; drop --ways")
+    if request.random is None and not request.sweeps:
+        if len(ways) > 1:
+            raise InputError(f"synthesize: one shape has one way, got {request.ways}; choose one")
+        fitting.check_output(request.output, is_sequence=False)
+    elif request.output.suffix.lower() in io.MESH_SUFFIXES:
+        raise InputError(f"{request.output}: names one mesh file; name a directory for many shapes")
+
+
+def _ways(text: str) -> tuple[Way, ...]:
+    found = words(text) or ()
+    for way in found:
+        check_way(way)
+    return cast(tuple[Way, ...], found)
+
+
+def _weights(text: str) -> dict[int | str, float]:
+    """ "3=0.8,nod=1.2" by component."""
+    weights: dict[int | str, float] = {}
+    for part in text.split(","):
+        key, sign, value = part.partition("=")
+        try:
+            weight = float(value)
+        except ValueError:
+            sign, weight = "", 0.0
+        if not sign:
+            raise InputError(f"--weights: got {part!r}, expected COMPONENT=NUMBER, as 3=0.8")
+        if key.strip() in weights:
+            raise InputError(f"--weights: component {key.strip()} is given twice; give it once")
+        weights[key.strip()] = weight
+    return weights
+
+
+def _sweep(text: str) -> tuple[str, NDArray]:
+    """ "3=-1:1:9": a component and its weights."""
+    key, _, span = text.partition("=")
+    try:
+        first, last, count = span.split(":")
+        values = np.linspace(float(first), float(last), int(count))
+    except ValueError:
+        values = np.empty(0)
+    if not len(values):
+        raise InputError(f"--sweep: got {text!r}, expected COMPONENT=FIRST:LAST:COUNT, as 3=-1:1:9")
+    return key.strip(), values
+
+
+def _decoded(model: DeformationModel, goal: DeformationModel, z: NDArray) -> NDArray:
+    return model.decode(z) if goal is model else deformer.transfer(model, goal, z)
+
+
+def _up(model: DeformationModel) -> str:
+    return str(model.summary.get("up", "y"))
+
+
+def _sweeps(
+    request: Request,
+    model: DeformationModel,
+    goal: DeformationModel,
+    synthesis: Synthesis,
+    weights: dict[int | str, float],
+    ways: tuple[Way, ...],
+    progress: Progress,
+) -> dict[str, Any]:
+    """A row for every sweep and way: an NPZ and a GIF each, one sheet."""
+    rows: dict[str, NDArray] = {}
+    titles: dict[str, list[str]] = {}
+    held = {model.component(key): weight for key, weight in weights.items()}
+    for text in request.sweeps:
+        component, values = _sweep(text)
+        k = model.component(component)
+        for way in ways:
+            row = model.label(k) if len(ways) == 1 else f"{model.label(k)}, {way}"
+            titles[row] = [f"{row}: {w:g}" for w in values]
+            if goal is model:
+                rows[row] = synthesis.sweep(k, values, held, way)
+            else:
+                codes = [synthesis.code({**held, k: float(w)}) for w in values]
+                rows[row] = np.stack([_decoded(model, goal, z) for z in codes])
+    output, faces = request.output, goal.reference.faces
+    output.mkdir(parents=True, exist_ok=True)
+    drawn = draw(rows, faces, _up(goal), progress)
+    save_sheet(output / "sheet.png", sheet(drawn, titles))
+    files = ["sheet.png"]
+    for n, (row, shapes) in enumerate(rows.items()):
+        io.save_shapes(output / f"sweep-{n}.npz", MeshSequence(shapes, faces))
+        save_animation(output / f"sweep-{n}.gif", {row: drawn[row]})
+        files += [f"sweep-{n}.npz", f"sweep-{n}.gif"]
+    return {"output": str(output), "rows": list(rows), "files": _files(output, *files)}
+
+
+def _write_random(
+    request: Request,
+    goal: DeformationModel,
+    shapes: NDArray,
+    codes: NDArray,
+    distances: list[float],
+    progress: Progress,
+) -> dict[str, Any]:
+    output, faces = request.output, goal.reference.faces
+    output.mkdir(parents=True, exist_ok=True)
+    io.save_shapes(output / "shapes.npz", MeshSequence(shapes, faces))
+    pictures = draw({"": shapes}, faces, _up(goal), progress)[""]
+    titles = [f"{n}: {distance:.2f} from examples" for n, distance in enumerate(distances)]
+    columns = min(len(pictures), 6)
+    save_sheet(output / "sheet.png", contact_sheet(pictures, columns, titles))
+    return {
+        "output": str(output),
+        "codes": codes,
+        "familiarity": distances,
+        "files": _files(output, "shapes.npz", "sheet.png"),
+    }
+
+
+def _files(folder: Path, *names: str) -> list[str]:
+    return [str(folder / name) for name in names]

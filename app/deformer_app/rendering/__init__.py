@@ -1,0 +1,1 @@
+"""Pictures without a window: cameras, off-screen drawing, contact sheets."""

@@ -1,0 +1,350 @@
+"""Off-screen pictures: renderings of meshes with handles, contact sheets and animations.
+
+Nothing here needs a display or a window system. On Linux VTK draws through EGL (Mesa's software
+renderer is enough: Debian's `libegl1` and `libgl1-mesa-dri`). Colours are 8-bit RGB, images are
+(height, width, 3) uint8 arrays with the first row on top.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import pyvista as pv
+from numpy.typing import ArrayLike, NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+import deformer
+from deformer import Mesh
+from deformer_app.rendering.camera import Camera
+
+Picture = NDArray[np.uint8]
+
+BACKGROUND = "#f3f2ef"
+INK = "#33373d"
+CLAY = "#c5d2de"
+GHOST = "#d8d2c8"
+HANDLE = "#e8641b"
+PINNED = "#3d4754"
+TARGET = "#1f78d1"
+COLORMAP = "viridis"
+
+FEATURE_ANGLE = 60.0  # degrees between faces from which an edge is drawn sharp
+_SURFACELESS = 0x31DD  # EGL_PLATFORM_SURFACELESS_MESA
+
+# Camera lights (position in units of the view, x right, y up, z towards the eye): colour, strength.
+LIGHTS = (
+    ((-0.7, 0.9, 1.1), "#fff6ea", 0.82),  # key, warm, from the upper left
+    ((1.4, 0.1, 0.9), "#e1ebff", 0.42),  # fill, cool, from the right
+    ((0.5, 1.2, -1.2), "#ffffff", 0.50),  # rim, from behind
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """One mesh of a picture and how to draw it.
+
+    Args:
+        mesh: what to draw.
+        color: its colour, where `scalars` do not say otherwise.
+        opacity: 1 is solid.
+        scalars: (V,) values to colour the vertices by, with a bar beside the picture.
+        title: the bar's caption.
+        limits: values at the ends of the bar; those of `scalars` if not given.
+        bar: draw the bar.
+        colormap: colours of the scalars, from low to high, by matplotlib's name.
+    """
+
+    mesh: Mesh
+    color: str = CLAY
+    opacity: float = 1.0
+    scalars: ArrayLike | None = None
+    title: str = ""
+    limits: tuple[float, float] | None = None
+    bar: bool = True
+    colormap: str = COLORMAP
+
+
+@dataclass(frozen=True, eq=False)
+class HandleMarks:
+    """Handles of a picture: a ball on the surface, a second ball and a line where it should be.
+
+    Args:
+        positions: (H, 3) where the handle vertices are.
+        targets: (H, 3) where the user wants them; drawn where that is visibly elsewhere.
+        pinned: (H,) true for handles that hold still, drawn in a quieter colour.
+        radius: of a ball, in the data's units; by default a share of the picture's shapes.
+    """
+
+    positions: ArrayLike
+    targets: ArrayLike | None = None
+    pinned: Sequence[bool] | None = None
+    radius: float | None = None
+
+
+def render(
+    layers: Mesh | Layer | Sequence[Mesh | Layer],
+    camera: Camera,
+    size: tuple[int, int] = (800, 800),
+    handles: HandleMarks | None = None,
+    background: str = BACKGROUND,
+) -> Picture:
+    """Draw meshes and handles.
+
+    Args:
+        layers: one mesh or several, drawn in the same space.
+        camera: see `deformer_app.camera.aim`; keep one camera for the frames of an animation.
+        size: width and height in pixels.
+        handles: marks to draw with them.
+        background: a flat colour.
+
+    Raises:
+        InputError: the machine cannot render off-screen.
+    """
+    drawn = [item if isinstance(item, Layer) else Layer(item) for item in _listed(layers)]
+    with off_screen():
+        plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
+    try:
+        plotter.set_background(background)  # pyright: ignore[reportArgumentType]
+        for position, color, strength in LIGHTS:
+            light = pv.Light(color=color, intensity=strength, light_type="camera light")
+            light.position = position
+            plotter.add_light(light)
+        for layer in drawn:
+            _add_layer(plotter, layer)
+        if handles is not None:
+            _add_handles(plotter, handles, max(item.mesh.bounding_diagonal for item in drawn))
+        plotter.camera.position = camera.position
+        plotter.camera.focal_point = camera.focal
+        plotter.camera.up = camera.up
+        plotter.camera.view_angle = camera.view_angle
+        plotter.enable_anti_aliasing("ssaa")
+        plotter.renderer.ResetCameraClippingRange()
+        image = plotter.screenshot(return_img=True)
+    finally:
+        plotter.close()
+    picture = np.ascontiguousarray(np.asarray(image)[..., :3], dtype=np.uint8)
+    for layer in drawn:
+        if layer.scalars is not None and layer.bar:
+            picture = draw_bar(picture, layer)
+    return picture
+
+
+def contact_sheet(
+    images: Sequence[Picture],
+    columns: int,
+    titles: Sequence[str] | None = None,
+    gap: int = 12,
+    background: str = BACKGROUND,
+) -> Picture:
+    """Set equally large pictures in rows of `columns`, each over its title.
+
+    Args:
+        images: pictures of one size, in reading order.
+        columns: pictures a row.
+        titles: a line for each picture, or none.
+        gap: pixels between and around the pictures.
+        background: colour of what they leave free.
+
+    Raises:
+        InputError: no pictures, pictures of different sizes, or another number of titles.
+    """
+    if not images:
+        raise deformer.InputError("contact sheet: got no pictures, expected at least one")
+    shapes = {image.shape[:2] for image in images}
+    if len(shapes) > 1:
+        raise deformer.InputError(f"contact sheet: pictures differ in size: {sorted(shapes)}")
+    if titles is not None and len(titles) != len(images):
+        raise deformer.InputError(
+            f"contact sheet: got {len(titles)} titles for {len(images)} pictures"
+        )
+    height, width = images[0].shape[:2]
+    line = max(14, height // 22)
+    strip = 2 * line if titles is not None else 0
+    columns = min(max(columns, 1), len(images))
+    rows = math.ceil(len(images) / columns)
+    sheet = Image.new(
+        "RGB",
+        (columns * (width + gap) + gap, rows * (height + strip + gap) + gap),
+        background,
+    )
+    pen = ImageDraw.Draw(sheet)
+    font = ImageFont.load_default(line)
+    for index, image in enumerate(images):
+        row, column = divmod(index, columns)
+        left, top = gap + column * (width + gap), gap + row * (height + strip + gap)
+        sheet.paste(Image.fromarray(image), (left, top))
+        if titles is not None:
+            middle = (left + width / 2, top + height + strip / 2)
+            pen.text(middle, titles[index], fill=INK, font=font, anchor="mm")
+    return np.asarray(sheet)
+
+
+def save_picture(path: str | os.PathLike[str], image: Picture) -> None:
+    """Write a picture; the ending of `path` chooses the format."""
+    Image.fromarray(image).save(Path(path))
+
+
+def save_gif(path: str | os.PathLike[str], frames: Sequence[Picture], fps: float = 20.0) -> None:
+    """Write pictures as an endless GIF with one palette, so that still parts do not flicker.
+
+    Raises:
+        InputError: no frames.
+    """
+    if not len(frames):
+        raise deformer.InputError(f"{path}: got no frames, expected at least one")
+    # The palette comes from a few frames spread over the animation, set side by side.
+    samples = [Image.fromarray(frame) for frame in frames[:: max(1, len(frames) // 8)]]
+    width, height = samples[0].size
+    strip = Image.new("RGB", (width * len(samples), height))
+    for index, sample in enumerate(samples):
+        strip.paste(sample, (index * width, 0))
+    palette = strip.quantize(255, method=Image.Quantize.MEDIANCUT)
+    # One at a time: a minute of a large window would fill gigabytes.
+    indexed = (
+        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+        for frame in frames
+    )
+    next(indexed).save(
+        Path(path),
+        save_all=True,
+        append_images=indexed,
+        duration=max(20, round(1000 / fps)),
+        loop=0,
+        optimize=False,
+    )
+
+
+def _listed(layers: Mesh | Layer | Sequence[Mesh | Layer]) -> Sequence[Mesh | Layer]:
+    return [layers] if isinstance(layers, (Mesh, Layer)) else layers
+
+
+def _add_layer(plotter: pv.Plotter, layer: Layer) -> None:
+    faces = np.insert(layer.mesh.faces, 0, 3, axis=1)
+    surface = pv.PolyData(np.array(layer.mesh.vertices, dtype=np.float32), faces.ravel())
+    coloured = layer.scalars is not None
+    if coloured:
+        surface.point_data["value"] = np.asarray(layer.scalars, dtype=np.float64)
+    shaded = surface.compute_normals(
+        cell_normals=False,
+        split_vertices=True,
+        feature_angle=FEATURE_ANGLE,
+        consistent_normals=False,
+        auto_orient_normals=False,
+    )
+    surface = cast(pv.PolyData, shaded)
+    look = {
+        "smooth_shading": True,
+        "opacity": layer.opacity,
+        "ambient": 0.16,
+        "diffuse": 1.0,
+        "specular": 0.1,
+        "specular_power": 12,
+    }
+    if not coloured:
+        plotter.add_mesh(surface, color=layer.color, **look)
+        return
+    plotter.add_mesh(
+        surface,
+        scalars="value",
+        clim=_limits(layer),
+        cmap=layer.colormap,
+        show_scalar_bar=False,
+        **look,
+    )
+
+
+def draw_bar(image: Picture, layer: Layer) -> Picture:
+    """Draw the colour bar of a layer's scalars along the right border."""
+    height, width = image.shape[:2]
+    low, high = _limits(layer)
+    line = max(11, height // 40)
+    font = ImageFont.load_default(line)
+    top, bottom = round(0.25 * height), round(0.75 * height)
+    left = width - round(6.5 * line)
+    ramp = np.asarray(pv.LookupTable(layer.colormap, n_values=256).values)[::-1, :3]
+    bar = Image.fromarray(ramp.astype(np.uint8)[:, None]).resize((line, bottom - top))
+    canvas = Image.fromarray(image)
+    canvas.paste(bar, (left, top))
+    pen = ImageDraw.Draw(canvas)
+    for value, y in ((high, top), ((low + high) / 2, (top + bottom) / 2), (low, bottom)):
+        pen.text((left + 1.5 * line, y), f"{value:.3g}", fill=INK, font=font, anchor="lm")
+    pen.text((width - line, top - line), layer.title, fill=INK, font=font, anchor="rs")
+    return np.asarray(canvas)
+
+
+def _limits(layer: Layer) -> tuple[float, float]:
+    if layer.limits is not None:
+        return layer.limits
+    values = np.asarray(layer.scalars, dtype=np.float64)
+    return float(values.min()), float(values.max())
+
+
+def _add_handles(plotter: pv.Plotter, handles: HandleMarks, diagonal: float) -> None:
+    positions = np.asarray(handles.positions, dtype=np.float64).reshape(-1, 3)
+    pinned = np.zeros(len(positions), bool) if handles.pinned is None else np.array(handles.pinned)
+    radius = handles.radius if handles.radius is not None else 0.013 * diagonal
+    _add_balls(plotter, positions[~pinned], radius, HANDLE)
+    _add_balls(plotter, positions[pinned], radius, PINNED)
+    if handles.targets is None:
+        return
+    targets = np.asarray(handles.targets, dtype=np.float64).reshape(-1, 3)
+    apart = np.sqrt(((targets - positions) ** 2).sum(axis=1)) > 0.5 * radius
+    _add_balls(plotter, targets[apart], 0.8 * radius, TARGET)
+    for start, end in zip(positions[apart], targets[apart], strict=True):
+        rod = pv.Tube(pointa=start, pointb=end, radius=0.22 * radius, n_sides=16)
+        plotter.add_mesh(rod, color=TARGET, ambient=0.6, diffuse=0.4)
+
+
+def _add_balls(plotter: pv.Plotter, centres: NDArray, radius: float, color: str) -> None:
+    for centre in centres:
+        ball = pv.Sphere(radius=radius, center=centre, theta_resolution=24, phi_resolution=24)
+        plotter.add_mesh(ball, color=color, ambient=0.5, diffuse=0.5, smooth_shading=True)
+
+
+@contextmanager
+def off_screen() -> Iterator[None]:
+    """Have VTK's next render window drawn through EGL on Linux, whatever DISPLAY says."""
+    if not sys.platform.startswith("linux"):
+        yield
+        return
+    _check_egl()
+    name = "VTK_DEFAULT_OPENGL_WINDOW"
+    before = os.environ.get(name)
+    os.environ[name] = "vtkEGLRenderWindow"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[name]
+        else:
+            os.environ[name] = before
+
+
+@cache
+def _check_egl() -> None:
+    """Raise unless EGL starts: VTK would bring the whole process down with a segmentation fault."""
+    remedy = "install its libraries (Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri)"
+    try:
+        egl = ctypes.CDLL("libEGL.so.1")
+    except OSError as error:
+        raise deformer.InputError(f"pictures: off-screen rendering needs EGL; {remedy}") from error
+    if not hasattr(egl, "eglGetPlatformDisplay"):
+        return  # older than EGL 1.5: nothing to probe with
+    egl.eglGetPlatformDisplay.restype = ctypes.c_void_p
+    egl.eglGetPlatformDisplay.argtypes = [ctypes.c_uint, ctypes.c_void_p, ctypes.c_void_p]
+    egl.eglInitialize.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]
+    display = egl.eglGetPlatformDisplay(_SURFACELESS, None, None)
+    if not display or not egl.eglInitialize(display, None, None):
+        raise deformer.InputError(
+            f"pictures: EGL is installed but has no driver to render with; {remedy}"
+        )

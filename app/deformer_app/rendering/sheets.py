@@ -1,0 +1,97 @@
+"""Rows of shapes drawn by one camera: a contact sheet, and an animation side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deformer import Mesh, io
+from deformer_app.rendering.camera import aim
+from deformer_app.rendering.offscreen import Picture, contact_sheet, render, save_gif, save_picture
+
+TILE = (300, 360)  # width and height of a picture
+COLUMNS = 9  # most pictures in a row of a sheet
+FPS = 12
+
+
+def draw(
+    rows: Mapping[str, NDArray],
+    faces: NDArray,
+    up: str,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    size: tuple[int, int] = TILE,
+    azimuth: float = 30.0,
+) -> dict[str, list[Picture]]:
+    """Pictures of shapes (n, V, 3) by row, all from one camera that sees them all.
+
+    Args:
+        rows: label → shapes.
+        faces: (F, 3) of all shapes.
+        up: axis that points up.
+        progress: called with the pictures done and their number.
+        size: width and height of a picture.
+        azimuth: of the camera, see `camera.aim`.
+    """
+    everything = np.concatenate(list(rows.values()))
+    camera = aim(everything, up=up, aspect=size[0] / size[1], azimuth=azimuth)
+    drawn: dict[str, list[Picture]] = {}
+    done = 0
+    for label, shapes in rows.items():
+        drawn[label] = []
+        for vertices in shapes:
+            drawn[label].append(render(Mesh(vertices, faces), camera, size))
+            done += 1
+            progress(done, len(everything))
+    return drawn
+
+
+def sheet(drawn: Mapping[str, Sequence[Picture]], titles: Mapping[str, Sequence[str]]) -> Picture:
+    """Contact sheet, a row each: at most `COLUMNS` pictures, evenly chosen, under their titles."""
+    count = max(len(row) for row in drawn.values())
+    columns = min(count, COLUMNS)
+    pictures, captions = [], []
+    for label, row in drawn.items():
+        shown = np.linspace(0, len(row) - 1, columns).round().astype(int)
+        pictures += [row[n] for n in shown]
+        captions += [titles[label][n] for n in shown]
+    return contact_sheet(pictures, columns, captions)
+
+
+def save_sheet(path: Path, picture: Picture) -> None:
+    """Write a picture as a whole or not at all."""
+    with io.atomic_path(path) as temporary:
+        save_picture(temporary, picture)
+
+
+def save_rows(
+    path: Path,
+    rows: Mapping[str, NDArray],
+    faces: NDArray,
+    up: str,
+    titles: Mapping[str, Sequence[str]],
+) -> None:
+    """Draw shapes (n, V, 3) by row and write the sheet of them."""
+    save_sheet(path, sheet(draw(rows, faces, up), titles))
+
+
+def save_animation(
+    path: Path, drawn: Mapping[str, Sequence[Picture]], swing: bool = True, fps: float = FPS
+) -> None:
+    """Write a GIF of all rows beside each other, each under its label.
+
+    Args:
+        path: the file.
+        drawn: label → frames, equally many.
+        swing: there and back, and not there alone.
+        fps: frames a second.
+    """
+    labels = list(drawn)
+    frames = [
+        contact_sheet(list(moment), len(labels), labels)
+        for moment in zip(*drawn.values(), strict=True)
+    ]
+    with io.atomic_path(path) as temporary:
+        save_gif(temporary, [*frames, *frames[-2:0:-1]] if swing else frames, fps)

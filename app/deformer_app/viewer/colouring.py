@@ -1,0 +1,98 @@
+"""What the surface can be coloured by, and between which values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+import deformer
+from deformer import DeformationModel, Pose, Uncertainty, vertex_errors
+
+# Name → what a person reads.
+COLOURINGS = {
+    "plain": "Plain",
+    "displacement": "Displacement",
+    "stretch": "Stretch",
+    "component": "Component",
+    "error": "Error against the target",
+    "uncertainty": "Next handle",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Paint:
+    """Values to colour by.
+
+    Args:
+        values: (V,) of vertices or (F,) of faces.
+        on: which of the two.
+        title: caption, with the unit.
+        limits: values at the ends of the scale.
+        diverging: whether the middle of the scale means "nothing".
+    """
+
+    values: NDArray[np.float64]
+    on: Literal["vertices", "faces"]
+    title: str
+    limits: tuple[float, float]
+    diverging: bool = False
+
+
+def component_paint(
+    model: DeformationModel, activations: deformer.Activations, number: int
+) -> Paint:
+    """Colours of where a component acts."""
+    return Paint(activations.support(number), "vertices", model.label(number), (0.0, 1.0))
+
+
+class Colouring:
+    """Colours of poses of one model, by name; "component:3" is the support of component 3."""
+
+    def __init__(self, model: DeformationModel) -> None:
+        """Prepare nothing yet: each kind is prepared when it is first asked for."""
+        self._model = model
+
+    @cached_property
+    def _strain(self) -> deformer.FaceStrain:
+        return deformer.FaceStrain(self._model.reference)
+
+    def __call__(
+        self,
+        name: str,
+        pose: Pose,
+        target: NDArray[np.float64] | None = None,
+        activations: deformer.Activations | None = None,
+    ) -> Paint | None:
+        """Colours of a pose, or None where `name` has none for it (yet).
+
+        Args:
+            name: see `COLOURINGS`.
+            pose: what is coloured.
+            target: vertices (V, 3) that an "error" is the distance to.
+            activations: what a "component" is looked up in.
+        """
+        kind, _, number = name.partition(":")
+        reference = self._model.reference
+        if kind == "displacement":
+            moved = vertex_errors(reference.vertices, pose.vertices)
+            limit = max(float(moved.max()), 0.05 * reference.bounding_diagonal)
+            return Paint(moved, "vertices", "displacement", (0.0, limit))
+        if kind == "stretch":
+            signed = self._strain.signed(pose.vertices)
+            return Paint(signed, "faces", "stretch (log2)", (-1.0, 1.0), diverging=True)
+        if kind == "component" and activations is not None:
+            return component_paint(self._model, activations, int(number))
+        if kind == "error" and target is not None:
+            errors = vertex_errors(target, pose.vertices)
+            limit = max(float(np.quantile(errors, 0.99)), 1e-3 * reference.bounding_diagonal)
+            return Paint(errors, "vertices", "distance to target", (0.0, limit))
+        return None
+
+    def of_uncertainty(self, found: Uncertainty) -> Paint:
+        """Colours of what another handle would tell."""
+        percent = 100.0 * found.gain
+        return Paint(percent, "vertices", "% uncertainty", (0.0, max(float(percent.max()), 1.0)))

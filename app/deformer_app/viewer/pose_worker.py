@@ -1,0 +1,174 @@
+"""From an edit to what is drawn: the pose, its normals and its colours. Runs beside the window."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+import deformer
+from deformer import DeformationModel, HandleSolver, Pose
+from deformer_app.viewer.colouring import Colouring, Paint
+from deformer_app.viewer.session import Edit, Handle, Session, Solution, point
+
+# While the mouse rests with the button down, and after it is released: so many frames at most.
+_FRAMES = 12
+_STILL = 1e-4  # relative gain of energy that counts as standing still
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """What to solve and what to show with it.
+
+    Args:
+        edit: the state.
+        solution: a pose found earlier for it, to be shown as it was; None solves from the last.
+        moving: more requests are about to follow, so that nothing needs to be finished.
+        colour: name of a colouring, see `Colouring`.
+        target: a shape (V, 3) to compare with.
+        activations: supports of the components to colour by, once they are known.
+        number: counts requests, for timing.
+    """
+
+    edit: Edit
+    solution: Solution | None = None
+    moving: bool = False
+    colour: str = "plain"
+    target: NDArray[np.float64] | None = None
+    activations: deformer.Activations | None = None
+    number: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """A pose and all that is drawn of it.
+
+    Args:
+        request: what was asked.
+        pose: of the handles' vertices, in the order of `Edit.arrays`.
+        normals: (V, 3).
+        paint: colours; None leaves those of before.
+        off_data: distance of the code from the examples, see `Familiarity`.
+        error: E_rms against the target, nothing aligned, if there is one.
+        suggestion: vertex of the next handle, where that was asked for by colour.
+        final: nothing better will follow.
+    """
+
+    request: Request
+    pose: Pose
+    normals: NDArray[np.float64]
+    paint: Paint | None
+    off_data: float
+    error: float | None
+    suggestion: int | None
+    final: bool
+
+    @property
+    def solution(self) -> Solution:
+        """The pose's code and motion."""
+        pose = self.pose
+        return Solution(tuple(pose.z.tolist()), point(pose.rotation), point(pose.translation))
+
+
+class Poser:
+    """A solver that follows edits.
+
+    Args:
+        model: the prior.
+    """
+
+    def __init__(self, model: DeformationModel) -> None:
+        """Prepare the solver."""
+        self._model = model
+        self._solver = HandleSolver(model)
+        self._familiarity = deformer.Familiarity(model)
+        self.colouring = Colouring(model)
+        self._taken: Edit | None = None
+
+    def rehearse(self) -> None:
+        """Solve for a handle of each kind, so that no user's first drag waits for a compiler.
+
+        The first time after an installation this takes a minute, later a fraction of a second.
+        """
+        base, reference = tuple(self._model.codes[0].tolist()), self._model.reference
+        aside = point(reference.vertices[0] + 0.02 * reference.bounding_diagonal)
+        for kind in ("soft", "exact"):
+            self.settle(Edit(base, (Handle(1, (0,), (aside,), kind),)))
+        self._taken = None
+
+    def __call__(self, request: Request) -> Iterator[Answer]:
+        """Answers that get better and better; the last one is final unless more is to follow."""
+        pose = self.begin(request.edit, request.solution)
+        settled = request.solution is not None or not request.edit.handles
+        if settled:
+            yield self._answer(request, pose, True)
+            return
+        yield self._answer(request, pose, False)
+        for _ in range(_FRAMES):
+            before, pose = pose, self._solver.solve(warm=True)
+            if pose.energy > before.energy * (1.0 - _STILL):
+                break
+            yield self._answer(request, pose, False)
+        if not request.moving:
+            # As a function of its code and handles alone; only exact handles are relaxed.
+            exact = any(handle.hard for handle in self._solver.handles)
+            yield self._answer(request, self._solver.relax() if exact else pose, True)
+
+    def begin(self, edit: Edit, solution: Solution | None = None) -> Pose:
+        """The pose of an edit: a known one, or one step from the last."""
+        fresh = self._taken is None
+        self._take(edit)
+        solver = self._solver
+        if solution is not None:
+            return solver.resume(solution.z, solution.rotation, solution.translation)
+        if not edit.handles:
+            return solver.resume(edit.base, np.zeros(3), np.zeros(3))
+        if fresh:
+            solver.resume(edit.base, np.zeros(3), np.zeros(3))
+        return solver.solve(warm=True)
+
+    def settle(self, edit: Edit) -> Pose:
+        """The final pose of an edit, as a window would show it after the mouse is released."""
+        return list(self(Request(edit)))[-1].pose
+
+    def _take(self, edit: Edit) -> None:
+        """Bring what has changed since the last edit to the solver."""
+        last, self._taken = self._taken, None
+        if last is None or last.base != edit.base:
+            self._solver.lean(on=edit.base)
+        if last is None or (last.noise, last.freedom) != (edit.noise, edit.freedom):
+            self._solver.lean(noise=edit.noise, freedom=edit.freedom)
+        if last is None or last.handles != edit.handles:
+            vertices, targets, weights, hard = edit.arrays()
+            self._solver.set_handles(vertices, targets, weights, hard)
+        self._taken = edit
+
+    def _answer(self, request: Request, pose: Pose, final: bool) -> Answer:
+        reference = self._model.reference
+        target = request.target
+        paint = self.colouring(request.colour, pose, target, request.activations)
+        suggestion = None
+        if request.colour == "uncertainty" and final:
+            open_ = deformer.uncertainty(self._solver)
+            paint, suggestion = self.colouring.of_uncertainty(open_), open_.suggestion
+        return Answer(
+            request,
+            pose,
+            deformer.vertex_normals(pose.vertices, reference.faces),
+            paint,
+            self._familiarity.distance(pose.z),
+            None if target is None else deformer.e_rms(target, pose.vertices, "none"),
+            suggestion,
+            final,
+        )
+
+
+def replay(session: Session, model: DeformationModel) -> Pose:
+    """The pose that a session shows."""
+    entry = session.entry
+    poser = Poser(model)
+    if entry.solution is None:
+        return poser.settle(entry.edit)
+    return poser.begin(entry.edit, entry.solution)

@@ -1,0 +1,69 @@
+from . import baselines as baselines, evaluation as evaluation, io as io
+from .acap import (
+    FeatureExtractor as FeatureExtractor,
+    FeatureScaler as FeatureScaler,
+    PoissonSystem as PoissonSystem,
+    extract_features as extract_features,
+    reconstruct as reconstruct,
+    vertex_normals as vertex_normals,
+)
+from .analysis import (
+    Activations as Activations,
+    Component as Component,
+    ComponentAnalysis as ComponentAnalysis,
+    Familiarity as Familiarity,
+    ShapePath as ShapePath,
+    Synthesis as Synthesis,
+    Way as Way,
+    check_way as check_way,
+    draw_codes as draw_codes,
+    interpolate as interpolate,
+    transfer as transfer,
+    transfer_code as transfer_code,
+)
+from .editing import (
+    Handle as Handle,
+    HandleSolver as HandleSolver,
+    Pose as Pose,
+    SequenceFit as SequenceFit,
+    Uncertainty as Uncertainty,
+    fit_sequence as fit_sequence,
+    uncertainty as uncertainty,
+)
+from .errors import (
+    InputError as InputError,
+)
+from .geometry import (
+    FaceStrain as FaceStrain,
+    Geodesics as Geodesics,
+    Mesh as Mesh,
+    MeshSequence as MeshSequence,
+    Symmetry as Symmetry,
+    e_rms as e_rms,
+    farthest_points as farthest_points,
+    find_symmetry as find_symmetry,
+    log_to_rotation as log_to_rotation,
+    spread as spread,
+    symmetry_about as symmetry_about,
+    vertex_errors as vertex_errors,
+)
+from .io import (
+    examine as examine,
+    load_mesh as load_mesh,
+    load_shapes as load_shapes,
+    save_mesh as save_mesh,
+    save_shapes as save_shapes,
+)
+from .model import (
+    DeformationModel as DeformationModel,
+    load_model as load_model,
+    save_names as save_names,
+    shipped_models as shipped_models,
+)
+from .network import (
+    ModelConfig as ModelConfig,
+)
+from .training import (
+    TrainingProgress as TrainingProgress,
+    train as train,
+)

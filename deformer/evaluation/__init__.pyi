@@ -1,0 +1,38 @@
+from . import paper as paper
+from .material import (
+    Source as Source,
+)
+from .methods import (
+    Setting as Setting,
+    known_methods as known_methods,
+)
+from .plan import (
+    LAMBDA_METHOD as LAMBDA_METHOD,
+    PROTOCOLS as PROTOCOLS,
+    Study as Study,
+    make_plan as make_plan,
+)
+from .presets import (
+    QUICK as QUICK,
+    paper_sources as paper_sources,
+    paper_studies as paper_studies,
+)
+from .protocols import (
+    sparse_control as sparse_control,
+)
+from .rows import (
+    COLUMNS as COLUMNS,
+    FAILURE as FAILURE,
+    Row as Row,
+)
+from .runner import (
+    evaluate as evaluate,
+)
+from .splits import (
+    Split as Split,
+)
+from .summary import (
+    Summary as Summary,
+    Table as Table,
+    summarise as summarise,
+)

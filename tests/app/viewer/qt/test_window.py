@@ -1,0 +1,451 @@
+"""The Qt window on a virtual display: docks, dialogs, and a real mouse."""
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import deformer
+from deformer_app.viewer.pose_worker import replay
+from deformer_app.viewer.session import ModelName, Session
+from display import virtual_display
+from shapes import sequence, small_model
+
+pytest.importorskip("PySide6", reason='needs Qt: pip install "deformer[app]"')
+pytest.importorskip("pyvistaqt", reason='needs pyvistaqt: pip install "deformer[app]"')
+
+
+@pytest.fixture(scope="module")
+def display():
+    with virtual_display("xdotool") as name:
+        yield name
+
+
+@pytest.fixture(scope="module")
+def model_path(tmp_path_factory):
+    path = tmp_path_factory.mktemp("models") / "tube"
+    small_model().save(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def app(display):
+    before = {name: os.environ.get(name) for name in ("DISPLAY", "QT_QPA_PLATFORM")}
+    os.environ.update(DISPLAY=display, QT_QPA_PLATFORM="xcb")
+    from PySide6.QtWidgets import QApplication
+
+    application = QApplication.instance() or QApplication([])
+    yield application
+    application.shutdown()  # before its display ends: X would end the whole process
+    for name, value in before.items():
+        if value is None:
+            os.environ.pop(name, None)
+        else:
+            os.environ[name] = value
+
+
+@pytest.fixture
+def window(app, model_path, tmp_path):
+    from deformer_app.viewer.qt.window import Window
+    from deformer_app.viewer.settings import Places
+
+    places = Places(tmp_path / "settings")
+    places.note_tour()
+    made = Window(places)
+    made.show()
+    made.begin(str(model_path), None, None)
+    wait_for(app, lambda: made.editor.activations is not None and made.editor.idle)
+    yield made
+    made._ended = True
+    made.close()
+
+
+def wait_for(app, condition, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "waited in vain"
+        app.processEvents()
+        time.sleep(0.002)
+
+
+def rest(app, window):
+    wait_for(app, lambda: window.editor.idle and not window._later.isActive())
+
+
+def action(window, title):
+    return next(item for known, item in window._actions if known.title == title)
+
+
+def place(window, *vertices):
+    for vertex in vertices:
+        window.editor.place(vertex, add=True)
+    window.editor.commit("Place handle")
+
+
+def test_every_action_has_a_menu_entry_and_no_key_is_given_twice(window):
+    keys = [item.shortcut().toString() for _, item in window._actions]
+    keys = [key for key in keys if key]
+    assert len(keys) == len(set(keys)) > 20
+    assert all(item.text() for _, item in window._actions)
+
+
+def test_docks_show_what_is_selected_and_numbers_move_it(app, window):
+    place(window, 100, 60)
+    rest(app, window)
+    panel = window._handles
+    assert panel._table.rowCount() == 2
+    panel._table.selectRow(0)
+    assert len(window.editor.selected) == 1
+    rest(app, window)
+    before = window.editor.edit.handle(next(iter(window.editor.selected))).centre
+    panel._fields[1].setValue(before[1] + 0.3)
+    rest(app, window)
+    after = window.editor.edit.handle(next(iter(window.editor.selected))).centre
+    assert after[1] == pytest.approx(before[1] + 0.3, abs=1e-4)
+    assert after[0] == pytest.approx(before[0], abs=1e-4)
+    assert "%" in panel._table.item(0, 3).text()
+
+
+def test_a_slider_of_a_component_moves_the_mesh(app, window):
+    rest(app, window)
+    known = window.editor.activations
+    k = int(known.order[0])
+    slider, _ = window._components._rows[k]
+    assert list(window._components._rows) == known.order.tolist()
+    before = window.editor.vertices.copy()
+    slider.setValue(slider.maximum())
+    rest(app, window)
+    assert window.editor.code[k] == pytest.approx(known.high[k], abs=1e-6)
+    assert np.abs(window.editor.vertices - before).max() > 0.01
+    action(window, "Undo").trigger()
+    rest(app, window)
+    np.testing.assert_allclose(window.editor.vertices, before, atol=1e-6)
+    assert slider.value() < slider.maximum()
+
+
+def test_the_dial_of_the_prior_decides_how_far_a_handle_is_followed(app, window):
+    place(window, 115)
+    x, y, z = window.editor.edit.handles[0].centre
+    window.editor.set_centre([x + 0.2, y + 0.8, z + 0.6])
+    off = []
+    for position in (0, 1000):
+        window._model._dial.setValue(position)
+        rest(app, window)
+        off.append(float(window.editor.answer.pose.residual[0]))
+    assert off[0] < 0.5 * off[1]
+
+
+def test_a_mistake_is_a_line_in_the_window_and_nothing_is_lost(app, window, tmp_path):
+    window.open_session(tmp_path / "missing.json")
+    assert not window._banner.isHidden() and "missing.json" in window._banner_text.text()
+    assert window.editor.is_open
+    window._escape()
+    assert window._banner.isHidden()
+    place(window, 100)
+    window._guard(lambda: window.editor.load_target(tmp_path / "none.ply"))
+    assert "none.ply" in window._banner_text.text()
+    assert len(window.editor.edit.handles) == 1
+
+
+def test_closing_asks_only_if_something_would_be_lost(app, window, monkeypatch, tmp_path):
+    from PySide6.QtWidgets import QMessageBox
+
+    asked = []
+
+    def question(*arguments):
+        asked.append(arguments[2])
+        return answers.pop(0)
+
+    monkeypatch.setattr(QMessageBox, "question", question)
+    answers = []
+    assert window._may_leave() and not asked
+    place(window, 100)
+    answers = [QMessageBox.StandardButton.Cancel]
+    assert not window._may_leave() and len(asked) == 1
+    file = tmp_path / "work.json"
+    monkeypatch.setattr(window, "ask_save", lambda *_: file)
+    answers = [QMessageBox.StandardButton.Save]
+    assert window._may_leave() and file.is_file()
+    assert window._may_leave() and len(asked) == 2
+    assert window.places.recent[0] == str(file)
+
+
+def test_training_opens_its_model_and_can_be_cancelled(app, window, tmp_path):
+    deformer.save_shapes(tmp_path / "shapes.npz", sequence())
+    window.train()
+    dialog = window._training
+    dialog.choose(tmp_path / "shapes.npz")
+    dialog._components.setValue(3)
+    dialog._epochs.setValue(100_000)
+    dialog._begin()
+    wait_for(app, lambda: dialog._job.progress and dialog._job.progress.stage == "training")
+    dialog.cancel()
+    wait_for(app, lambda: dialog._job is None)
+    assert "Cancelled" in dialog._state.text() and not (tmp_path / "shapes-model").exists()
+    dialog._epochs.setValue(3)
+    dialog._begin()
+    wait_for(app, lambda: dialog.ended and window.editor.is_open and not window.editor.preparing)
+    assert window.editor.model.components == 3
+    assert window.editor.session.model.path == str((tmp_path / "shapes-model").resolve())
+
+
+def test_a_folder_of_shapes_is_offered_for_training(app, window, tmp_path, monkeypatch):
+    from PySide6.QtWidgets import QMessageBox
+
+    yes = QMessageBox.StandardButton.Yes
+    monkeypatch.setattr(QMessageBox, "question", lambda *_: yes)
+    folder = tmp_path / "walk"
+    deformer.save_shapes(folder, sequence(3))
+    window.open_model(folder)
+    assert window._training.isVisible()
+    assert window._training._shapes.text() == str(folder)
+    assert window._training._output.text() == str(tmp_path / "walk-model")
+
+
+def test_the_tour_goes_on_by_what_is_done(app, window):
+    window.tour()
+    first = window._tour_text.text()
+    window.editor.place(100)
+    window._changed("drag")
+    wait_for(app, lambda: window._tour_text.text() != first)
+    for _ in range(3):
+        window._next_step()
+    assert window._tour.isHidden() and window._tour_step is None
+
+
+def test_training_on_nonsense_is_told_in_the_dialog(app, window, tmp_path):
+    window.train()
+    dialog = window._training
+    dialog.choose(tmp_path / "nothing.npz")
+    dialog._begin()
+    wait_for(app, lambda: dialog._job is None)
+    assert "nothing.npz" in dialog._state.text()
+
+
+# Where the shipped figure is in a new window, in pixels of the screen.
+HAND, FEET = (797, 417), ((631, 686), (729, 697))
+
+
+def test_qt_gives_back_what_it_takes(app):
+    """PySide6 6.12.0 took a reference to None with every call, until Python 3.11 ended."""
+    from PySide6.QtCore import QObject
+
+    thing = QObject()
+    before = sys.getrefcount(None)
+    for _ in range(1000):
+        thing.setObjectName("x")
+    assert abs(sys.getrefcount(None) - before) < 100
+
+
+def test_random_events_leave_a_consistent_session(app, model_path):
+    path = Path(__file__).parent.parent / "benchmarks" / "viewer_soak.py"
+    spec = importlib.util.spec_from_file_location("viewer_soak", path)
+    benchmark = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(benchmark)
+    failures, _ = benchmark.soak(str(model_path), 400, 3, lambda line: None)
+    assert not failures
+
+
+class Person:
+    """A program with a real mouse on it; what it did is read from its autosave."""
+
+    def __init__(self, display, folder, *arguments):
+        self.folder = folder
+        self.environment = {**os.environ, "DISPLAY": display, "DEFORMER_SETTINGS": str(folder)}
+        code = "from deformer_app.cli.main import main; main()"
+        command = [sys.executable, "-c", code, "edit", *map(str, arguments)]
+        self.program = subprocess.Popen(command, env=self.environment, stderr=subprocess.PIPE)
+        self.window = self.wait(self._find)
+
+    def _find(self):
+        found = self._xdotool("search", "--onlyvisible", "--name", "Deformer").split()
+        return found[-1] if found else None
+
+    def _xdotool(self, *words):
+        command = ["xdotool", *map(str, words)]
+        return subprocess.run(command, env=self.environment, capture_output=True, text=True).stdout
+
+    def wait(self, condition, seconds=60.0):
+        end = time.monotonic() + seconds
+        while not (found := condition()):
+            assert self.program.poll() is None, self.program.stderr.read().decode()
+            assert time.monotonic() < end, "waited in vain"
+            time.sleep(0.05)
+        return found
+
+    def drag(self, start, *ways, button=1):
+        self._xdotool("mousemove", *start, "mousedown", button)
+        for at in ways:
+            self._xdotool("mousemove", *at)
+            time.sleep(0.03)
+        self._xdotool("mouseup", button)
+
+    def key(self, name):
+        # There is no window manager, which would give the keys back after a dialog.
+        self._xdotool("windowfocus", "--sync", self.window, "key", name)
+
+    def answer(self, title, text):
+        """Type into a dialog and send it off."""
+        number = self.wait(lambda: self._xdotool("search", "--onlyvisible", "--name", title))
+        self.wait(lambda: self._xdotool("getwindowfocus") == number)
+        self._xdotool("type", text)
+        self._xdotool("key", "Return")
+
+    def steps(self):
+        """Labels of the history up to the entry that is shown."""
+        for path in Path(self.folder).glob("autosave-*.json"):
+            data = json.loads(path.read_text())
+            return [entry["label"] for entry in data["entries"][: data["cursor"] + 1]]
+        return []
+
+    def settled_steps(self):
+        """The history once the autosave has caught up with it."""
+        steps, since = self.steps(), time.monotonic()
+        while time.monotonic() - since < 3.0:
+            time.sleep(0.1)
+            if self.steps() != steps:
+                steps, since = self.steps(), time.monotonic()
+        return steps
+
+    def end(self):
+        self.program.kill()
+        self.program.wait(10)
+
+
+def test_a_person_pulls_undoes_and_finds_it_again_after_a_crash(display, model_path, tmp_path):
+    (tmp_path / "settings.json").write_text('{"tour_seen": true}')
+    person = Person(display, tmp_path, model_path)
+    try:
+        middle = (650, 470)
+
+        def pulled():
+            person.drag(middle, (655, 440), (660, 400), (665, 380))
+            time.sleep(0.2)
+            return len(person.steps()) > 2
+
+        person.wait(pulled)
+        steps = person.settled_steps()
+        assert set(steps[1:]) <= {"Place and drag", "Drag"}
+        count = len(steps)
+        person.drag((330, 800), (380, 780), (420, 760))  # orbits: no step
+        person.key("ctrl+z")
+        person.wait(lambda: len(person.steps()) == count - 1)
+        person.key("ctrl+shift+z")
+        person.wait(lambda: len(person.steps()) == count)
+    finally:
+        person.end()
+    again = Person(display, tmp_path, model_path)
+    try:
+        # A dialog asks; Return is yes.
+        again.wait(lambda: again._xdotool("search", "--name", "^Deformer$").split()[1:] or None)
+        time.sleep(0.3)
+        dialog = again._xdotool("search", "--onlyvisible", "--name", "^Deformer$").split()[-1]
+        again._xdotool("key", "--window", dialog, "Return")
+        again.wait(lambda: len(again.steps()) == count)
+    finally:
+        again.end()
+
+
+def test_a_person_poses_the_shipped_figure_and_finds_it_as_it_was_left(display, tmp_path):
+    """From the first look to the next morning, by mouse and keys alone."""
+    settings, file = tmp_path / "settings", tmp_path / "figure.json"
+    settings.mkdir()
+    (settings / "settings.json").write_text('{"tour_seen": true}')
+    reference = deformer.load_model("humanoid").reference.vertices
+    person = Person(display, settings)
+
+    def saved():
+        person.key("ctrl+s")
+        time.sleep(0.2)
+        return Session.load(file)
+
+    def exported(person, name):
+        path = tmp_path / name
+
+        def written():  # refused while the program is being prepared
+            person.key("ctrl+e")
+            person.answer("Export pose", str(path))
+            time.sleep(1)
+            return path.is_file()
+
+        person.wait(written)
+        return deformer.load_mesh(path).vertices
+
+    try:
+        # Three handles: a hand, and both feet pinned.
+        person.wait(lambda: person.drag(HAND) or person.steps())
+        for foot in FEET:
+            count = len(person.steps())
+            person.drag(foot)
+            person.wait(lambda count=count: len(person.steps()) == count + 1)
+            person.key("p")
+            person.wait(lambda count=count: len(person.steps()) == count + 2)
+        person.key("ctrl+shift+s")
+        person.answer("Save session", str(file))
+        person.wait(file.is_file)
+        held = {h.kind: reference[h.vertices[0]] for h in saved().edit.handles}
+        assert len(saved().edit.handles) == 3
+        assert held["pin"][2] < 0.15 < 0.6 < held["soft"][2], "feet are low, the hand is not"
+
+        # An arm up: back to the side, forth again.
+        before, steps = saved(), len(saved().entries)
+        person.drag(HAND, *((HAND[0] + 2 * n, HAND[1] - 12 * n) for n in range(1, 11)))
+        person.wait(lambda: len(saved().entries) == steps + 1)
+        raised = saved()
+        soft = [next(h for h in s.edit.handles if h.kind == "soft") for s in (before, raised)]
+        assert soft[1].targets[0][2] > soft[0].targets[0][2] + 0.2
+        person.key("ctrl+z")
+        person.wait(lambda: saved().edit == before.edit)
+        person.key("ctrl+shift+z")
+        person.wait(lambda: saved().edit == raised.edit)
+
+        # The first component's slider, dragged to the right.
+        person.drag((1190, 473), (1210, 473), (1230, 473))
+        person.wait(lambda: saved().entry.label.startswith("Component"))
+        assert saved().edit.base != raised.edit.base
+        left = exported(person, "evening.ply")
+        person.wait(lambda: saved().entry.solution is not None)
+        person.key("ctrl+q")
+        person.program.wait(30)  # nothing is lost, so nothing is asked
+        assert person.program.returncode == 0
+    finally:
+        person.end()
+    model = deformer.load_model("humanoid")
+    diagonal = model.reference.bounding_diagonal
+    assert np.abs(replay(Session.load(file), model).vertices - left).max() < 1e-6 * diagonal
+    person = Person(display, settings, "--session", file)
+    try:
+        found = exported(person, "morning.ply")
+        assert np.abs(found - left).max() < 1e-6 * diagonal
+        assert np.abs(found - reference).max() > 0.2
+        person.key("ctrl+z")
+        person.wait(lambda: person.steps()[-1:] == [raised.entry.label])
+    finally:
+        person.end()
+
+
+def test_the_plain_window_pulls_and_saves(display, model_path, tmp_path):
+    """The same view and controller in a window of pyvista alone."""
+    file = tmp_path / "plain.json"
+    shapes = small_model()
+    work = Session.begin(ModelName(str(model_path), shapes.fingerprint), shapes.codes[0])
+    work.save(file)
+    person = Person(display, tmp_path, "--plain", "--session", file)
+
+    def pulled():
+        person.drag((550, 425), (555, 400), (560, 380), (565, 360))
+        person._xdotool("key", "ctrl+s")
+        time.sleep(0.3)
+        entries = json.loads(file.read_text())["entries"]
+        return any("rag" in entry["label"] for entry in entries)
+
+    try:
+        person.wait(pulled)
+    finally:
+        person.end()

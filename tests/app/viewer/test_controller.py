@@ -1,0 +1,286 @@
+"""The state machine of mouse and keys, on a stage made of numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from deformer_app.rendering.camera import Camera
+from deformer_app.viewer.controller import Controller, Hover, Keys
+from deformer_app.viewer.gizmo import Gizmo
+
+SIZE = (400, 400)
+FREE, SHIFT, CONTROL, ALT = Keys(), Keys(shift=True), Keys(control=True), Keys(alt=True)
+
+
+class Stage:
+    """A surface that is the disc of 100 pixels about the middle; every pixel of it a vertex."""
+
+    def __init__(self):
+        self.camera = Camera((0.0, 0.0, 10.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+        self.size, self.sky, self.mode = SIZE, (0.0, 1.0, 0.0), "drag"
+        self.gizmo_shown = False
+        self.handles: dict[int, np.ndarray] = {}
+        self.selected: frozenset[int] = frozenset()
+        self.before: dict[int, np.ndarray] | None = None
+        self.grasped: dict[int, np.ndarray] | None = None
+        self.log: list = []
+        self.hovers: list[Hover] = []
+
+    @property
+    def gizmo(self):
+        if not self.gizmo_shown or not self.selected:
+            return None
+        centre = np.mean([self.handles[h] for h in self.selected], axis=0)
+        return Gizmo(tuple(centre), "move")
+
+    def vertex_at(self, pixel):
+        x, y = np.subtract(pixel, 200)
+        return round(1000 * pixel[0] + pixel[1]) if np.hypot(x, y) < 100 else None
+
+    def handle_at(self, pixel):
+        for number, place in self.handles.items():
+            at = self.camera.project([place], SIZE)[0]
+            if np.hypot(*(at - pixel)) < 8:
+                return number
+        return None
+
+    def handles_in(self, low, high):
+        places = {n: self.camera.project([p], SIZE)[0] for n, p in self.handles.items()}
+        return [n for n, p in places.items() if (p >= low).all() and (p <= high).all()]
+
+    def position_of(self, handle):
+        return self.handles[handle]
+
+    def hover(self, found):
+        self.hovers.append(found)
+
+    def select(self, handles, add=False, toggle=False):
+        new = frozenset(handles)
+        self.selected = self.selected ^ new if toggle else self.selected | new if add else new
+
+    def place(self, vertex, add):
+        self._begin()
+        number = len(self.handles) + 1
+        pixel = divmod(vertex, 1000)
+        self.handles[number] = self.camera.unproject(pixel, 10.0, SIZE)
+        self.select([number], add=add)
+        self.log.append(("place", vertex))
+        return number
+
+    def _begin(self):
+        if self.before is None:
+            self.before = dict(self.handles)
+
+    def move_selected(self, motion):
+        self._begin()
+        self.grasped = self.grasped or dict(self.handles)
+        for number in self.selected:
+            self.handles[number] = motion([self.grasped[number]])[0]
+
+    def commit(self, label):
+        self.before = self.grasped = None
+        self.log.append(("commit", label))
+
+    def revert(self):
+        if self.before is not None:
+            self.handles, self.before, self.grasped = self.before, None, None
+        self.log.append("revert")
+
+    def rubber_band(self, low, high):
+        self.log.append(("band", low, high))
+
+    def brush(self, vertex):
+        self.log.append(("brush", vertex))
+
+    def finish_region(self, add):
+        self.log.append("region")
+
+    def camera_moved(self):
+        self.log.append("camera")
+
+
+@pytest.fixture
+def stage():
+    return Stage()
+
+
+@pytest.fixture
+def controller(stage):
+    return Controller(stage)
+
+
+def drag(controller, start, end, keys=FREE, button="left", steps=10):
+    controller.press(button, start, keys)
+    for n in range(1, steps + 1):
+        share = n / steps
+        controller.move(tuple((1 - share) * np.array(start) + share * np.array(end)), keys)
+    controller.release(button, end, keys)
+
+
+def click(controller, at, keys=FREE):
+    controller.press("left", at, keys)
+    controller.release("left", at, keys)
+
+
+def pixel_of(stage, handle):
+    return stage.camera.project([stage.handles[handle]], SIZE)[0]
+
+
+def test_the_vertex_lights_up_before_the_click(stage, controller):
+    controller.move((210, 190))
+    assert stage.hovers[-1] == Hover(vertex=210190)
+    controller.move((20, 20))
+    assert stage.hovers[-1] == Hover()
+    controller.move((210, 190))
+    controller.leave()
+    assert stage.hovers[-1] == Hover()
+
+
+def test_a_click_places_the_vertex_that_was_lit(stage, controller):
+    controller.move((210, 190))
+    click(controller, (210, 190))
+    assert stage.log == [("place", 210190), ("commit", "Place handle")]
+    assert stage.selected == {1}
+
+
+def test_a_trembling_click_is_a_click(stage, controller):
+    controller.press("left", (210, 190))
+    controller.move((212, 193))
+    controller.release("left", (211, 192))
+    assert stage.log == [("place", 210190), ("commit", "Place handle")]
+
+
+def test_pressing_and_pulling_places_and_drags_in_one_step(stage, controller):
+    drag(controller, (210, 190), (260, 120))
+    assert stage.log == [("place", 210190), ("commit", "Place and drag")]
+    np.testing.assert_allclose(pixel_of(stage, 1), [260, 120], atol=1e-6)
+    # In the camera's plane: the depth is that of the press.
+    assert stage.camera.depths([stage.handles[1]])[0] == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "button", "keys"),
+    [((20, 20), (210, 190), "left", Keys()), ((210, 190), (250, 190), "right", Keys()),
+     ((210, 190), (190, 190), "left", ALT), ((210, 190), (190, 190), "middle", Keys()),
+     ((210, 190), (190, 190), "right", SHIFT)],
+)  # fmt: skip
+def test_no_stray_handle_at_the_end_of_an_orbit_or_pan(stage, controller, start, end, button, keys):
+    drag(controller, start, end, keys, button)
+    assert set(stage.log) == {"camera"} and not stage.handles
+    assert stage.camera != Stage().camera
+
+
+def test_a_click_beside_the_body_selects_nothing(stage, controller):
+    click(controller, (210, 190))
+    click(controller, (20, 20))
+    assert stage.selected == frozenset() and stage.camera == Stage().camera
+
+
+def test_orbiting_keeps_the_selection(stage, controller):
+    click(controller, (210, 190))
+    drag(controller, (20, 20), (60, 40))
+    assert stage.selected == {1}
+
+
+def test_dragging_a_handle_brings_it_under_the_mouse(stage, controller):
+    click(controller, (210, 190))
+    stage.log.clear()
+    drag(controller, (213, 192), (300, 100))  # grasped beside its centre
+    np.testing.assert_allclose(pixel_of(stage, 1), [297, 98], atol=1e-6)
+    assert stage.log == [("commit", "Drag")]
+
+
+def test_shift_makes_a_finer_step_from_where_it_is_pressed(stage, controller):
+    click(controller, (210, 190))
+    controller.press("left", (210, 190))
+    controller.move((250, 190))
+    controller.move((350, 190), SHIFT)
+    controller.release("left", (350, 190), SHIFT)
+    np.testing.assert_allclose(pixel_of(stage, 1), [260, 190], atol=1e-6)
+
+
+def test_several_handles_move_together(stage, controller):
+    click(controller, (180, 190))
+    click(controller, (220, 190), SHIFT)
+    assert stage.selected == {1, 2}
+    drag(controller, (180, 190), (180, 150))
+    np.testing.assert_allclose(pixel_of(stage, 1), [180, 150], atol=1e-6)
+    np.testing.assert_allclose(pixel_of(stage, 2), [220, 150], atol=1e-6)
+
+
+def test_a_box_selects_what_is_inside(stage, controller):
+    for at in ((150, 200), (200, 200), (250, 200)):
+        click(controller, at)
+    drag(controller, (140, 150), (210, 250), CONTROL)
+    assert stage.selected == {1, 2}
+    assert stage.log[-1] == ("band", None, None)
+    drag(controller, (260, 210), (240, 190), Keys(control=True, shift=True))
+    assert stage.selected == {1, 2, 3}
+
+
+def test_a_click_on_one_of_several_selects_it_alone_and_shift_turns_it_over(stage, controller):
+    click(controller, (180, 190))
+    click(controller, (220, 190), SHIFT)
+    click(controller, (180, 190))
+    assert stage.selected == {1}
+    click(controller, (220, 190), SHIFT)
+    assert stage.selected == {1, 2}
+    click(controller, (220, 190), SHIFT)
+    assert stage.selected == {1}
+
+
+def test_the_manipulator_moves_exactly_along_an_axis(stage, controller):
+    click(controller, (200, 200))
+    stage.gizmo_shown = True
+    before = stage.handles[1].copy()
+    tip = stage.camera.project(stage.gizmo.outline("x", stage.camera, SIZE), SIZE)[1]
+    controller.move(tuple(tip))
+    assert stage.hovers[-1] == Hover(part="x")
+    drag(controller, tuple(tip), (tip[0] + 40, tip[1] + 90))
+    moved = stage.handles[1] - before
+    assert moved[0] > 0.1
+    np.testing.assert_allclose(moved[1:], 0, atol=1e-9)
+    assert stage.log[-1] == ("commit", "Move")
+
+
+@pytest.mark.parametrize("where", [(210, 190), (20, 20)])
+def test_escape_takes_a_drag_back(stage, controller, where):
+    camera = stage.camera
+    controller.press("left", where)
+    controller.move((where[0] + 50, where[1]))
+    assert controller.dragging
+    assert controller.cancel()
+    assert not controller.dragging and not controller.cancel()
+    assert stage.handles == {} and stage.camera == camera
+    controller.release("left", where)
+    assert not any(entry[0] == "commit" for entry in stage.log if entry != "revert")
+
+
+def test_a_second_button_does_not_disturb_a_drag(stage, controller):
+    controller.press("left", (210, 190))
+    controller.move((230, 190))
+    controller.press("right", (230, 190))
+    controller.move((250, 190))
+    controller.release("right", (250, 190))
+    assert controller.dragging
+    controller.release("left", (250, 190))
+    np.testing.assert_allclose(pixel_of(stage, 1), [250, 190], atol=1e-6)
+    assert stage.camera == Stage().camera
+
+
+def test_the_wheel_zooms_to_the_cursor(stage, controller):
+    under = stage.camera.unproject((300, 100), 10.0, SIZE)
+    controller.wheel(2.0, (300, 100))
+    assert stage.camera.depths([(0, 0, 0)])[0] < 10
+    np.testing.assert_allclose(stage.camera.project([under], SIZE)[0], [300, 100], atol=1e-6)
+
+
+def test_painting_strokes_vertices_and_ends_in_a_region(stage, controller):
+    stage.mode = "paint"
+    drag(controller, (190, 200), (210, 200), steps=4)
+    brushed = [entry[1] for entry in stage.log if entry[0] == "brush"]
+    assert brushed[0] == 190200 and brushed[-1] == 210200
+    assert stage.log[-1] == "region"
+    drag(controller, (20, 20), (40, 20))
+    assert stage.log[-1] == "camera", "beside the body it orbits"

@@ -1,0 +1,729 @@
+"""The editor on an off-screen plotter: what a person does with the mouse, and what comes of it."""
+
+import json
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista as pv
+from PIL import Image
+
+import deformer
+from deformer import InputError, io
+from deformer_app.rendering.offscreen import off_screen
+from deformer_app.viewer import recording
+from deformer_app.viewer.controller import Hover
+from deformer_app.viewer.editor import Editor
+from deformer_app.viewer.events import listen
+from deformer_app.viewer.gizmo import rotation
+from deformer_app.viewer.pose_worker import Poser, replay
+from deformer_app.viewer.recording import Recorder, save_animation, turntable
+from deformer_app.viewer.scene import MeshView
+from deformer_app.viewer.session import Handle, Session
+from deformer_app.viewer.settings import Places
+from deformer_app.viewer.worker import beside
+from shapes import sequence, small_model
+
+SIZE = (480, 360)
+
+
+@pytest.fixture(scope="module")
+def model_path(tmp_path_factory):
+    path = tmp_path_factory.mktemp("models") / "tube"
+    small_model().save(path)
+    return path
+
+
+@pytest.fixture
+def editor(model_path):
+    with off_screen():
+        plotter = pv.Plotter(off_screen=True, window_size=list(SIZE), lighting="none")
+        plotter.show(auto_close=False)
+    work = Editor(MeshView(plotter))
+    listen(work.view, work.controller)
+    work.open_model(model_path)
+    settle(work)
+    yield work
+    work.close()
+    plotter.close()
+
+
+def settle(editor, seconds=60.0):
+    """Tick until nothing is left to do."""
+    end = time.monotonic() + seconds
+    editor.tick()
+    while editor.busy:
+        assert time.monotonic() < end, "never came to rest"
+        editor.tick()
+        time.sleep(0.001)
+
+
+def event(editor, name, pixel, shift=False, control=False):
+    interactor = editor.view.plotter.iren.interactor
+    x, y = pixel
+    interactor.SetEventInformation(int(x), SIZE[1] - 1 - int(y), control, shift)
+    interactor.InvokeEvent(name)
+
+
+def mouse(editor, start, end=None, shift=False, button="Left", steps=8):
+    """Press, move in steps, release; a click without `end`."""
+    event(editor, "MouseMoveEvent", start)
+    event(editor, f"{button}ButtonPressEvent", start, shift)
+    for n in range(1, steps + 1) if end is not None else ():
+        at = np.array(start) + (np.array(end) - start) * n / steps
+        event(editor, "MouseMoveEvent", at, shift)
+        editor.tick()
+    event(editor, f"{button}ButtonReleaseEvent", start if end is None else end, shift)
+    settle(editor)
+
+
+def seen(editor, wanted):
+    """A vertex that is seen at a share of the tube's length, and its pixel."""
+    pixels = np.floor(editor.camera.project(editor.vertices, SIZE)) + 0.5
+    for vertex in np.argsort(np.abs(editor.vertices[:, 0] - 2 * wanted)):
+        if editor.vertex_at(pixels[vertex]) == vertex:
+            return int(vertex), pixels[vertex]
+    raise AssertionError("no vertex is seen there")
+
+
+def first_face(editor, pixel):
+    """The face that a line of sight meets first, found by solving for every face; or None."""
+    ray = editor.camera.ray(pixel, SIZE)
+    faces = editor.model.reference.faces
+    a, b, c = (editor.vertices[faces[:, corner]] for corner in range(3))
+    system = np.stack([b - a, c - a, np.broadcast_to(-ray.direction, a.shape)], axis=2)
+    u, v, t = np.linalg.solve(system, (ray.origin - a)[:, :, None])[:, :, 0].T
+    inside = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
+    return int(np.where(inside, t, np.inf).argmin()) if inside.any() else None
+
+
+def test_it_opens_with_the_reference_in_view(editor):
+    assert not editor.preparing
+    reference = editor.model.decode(editor.start_codes()["Reference"])
+    np.testing.assert_allclose(editor.vertices, reference, atol=1e-4)
+    pixels = editor.camera.project(editor.vertices, SIZE)
+    assert (pixels > 0).all() and (pixels < SIZE).all()
+    assert not editor.session.changed
+
+
+def test_the_hovered_vertex_is_the_one_that_is_placed_and_it_is_in_front(editor):
+    vertex, at = seen(editor, 0.5)
+    event(editor, "MouseMoveEvent", at)
+    assert editor.hovered.vertex == vertex
+    mouse(editor, at)
+    (handle,) = editor.edit.handles
+    assert handle.vertices == (vertex,)
+    # Placing moves nothing.
+    np.testing.assert_allclose(
+        editor.vertices, editor.model.decode(np.array(editor.edit.base)), atol=1e-4
+    )
+
+
+def test_no_vertex_of_the_back_side_is_ever_offered(editor):
+    """Over the whole picture: what is offered is a corner of the face that is seen there."""
+    hits = misses = 0
+    for x in range(20, SIZE[0], 14):
+        for y in range(20, SIZE[1], 14):
+            vertex, face = editor.vertex_at((x, y)), first_face(editor, (x, y))
+            if vertex is None or face is None:
+                misses += vertex is not None or face is not None  # the very rim of a face
+                continue
+            corners = editor.model.reference.faces[face]
+            misses += vertex not in corners
+            hits += 1
+    assert hits > 30 and misses <= 0.01 * hits
+
+
+def test_a_drag_brings_the_vertex_under_the_mouse_and_is_one_step(editor):
+    vertex, at = seen(editor, 0.95)
+    goal = at + np.array([-25, -40])
+    mouse(editor, at, goal)
+    there = editor.camera.project(editor.vertices[[vertex]], SIZE)[0]
+    target = editor.camera.project([editor.edit.handles[0].centre], SIZE)[0]
+    np.testing.assert_allclose(target, goal, atol=1.5)
+    assert np.hypot(*(there - goal)) < 0.5 * np.hypot(25, 40), "the prior resists a little"
+    editor.set_kind("exact")
+    settle(editor)
+    there = editor.camera.project(editor.vertices[[vertex]], SIZE)[0]
+    np.testing.assert_allclose(there, goal, atol=1.5)
+    assert [entry.label for entry in editor.session.entries] == [
+        "Start", "Place and drag", "Make exact"]  # fmt: skip
+
+
+def test_orbiting_leaves_no_handle_behind(editor):
+    camera = editor.camera
+    mouse(editor, (8, 8), (240, 180))
+    mouse(editor, (240, 180), (300, 150), button="Right")
+    assert editor.camera != camera
+    assert editor.edit.handles == () and len(editor.session.entries) == 1
+
+
+def test_undo_and_redo_give_the_very_poses_back(editor):
+    poses = [editor.vertices.copy()]
+    for share, step in ((0.95, (-25, -40)), (0.5, (10, 25))):
+        _, at = seen(editor, share)
+        mouse(editor, at, at + step)
+        poses.append(editor.vertices.copy())
+    editor.set_kind("exact")
+    settle(editor)
+    poses.append(editor.vertices.copy())
+    for expected in poses[-2::-1]:
+        editor.undo()
+        settle(editor)
+        np.testing.assert_allclose(editor.vertices, expected, atol=1e-6)
+    editor.undo()
+    for expected in poses[1:]:
+        editor.redo()
+        settle(editor)
+        np.testing.assert_allclose(editor.vertices, expected, atol=1e-6)
+
+
+def test_escape_takes_a_drag_back(editor):
+    before = editor.vertices.copy()
+    _, at = seen(editor, 0.95)
+    event(editor, "MouseMoveEvent", at)
+    event(editor, "LeftButtonPressEvent", at)
+    event(editor, "MouseMoveEvent", at + np.array([-30, -30]))
+    settle(editor)
+    assert np.abs(editor.vertices - before).max() > 0.01
+    editor.controller.cancel()
+    settle(editor)
+    np.testing.assert_allclose(editor.vertices, before, atol=1e-6)
+    assert editor.edit.handles == () and not editor.session.changed
+
+
+def bent(editor):
+    """Two handles, one of them exact and far from the examples, a moved slider and camera."""
+    for share, step in ((0.95, (-60, -90)), (0.05, (5, 10))):
+        _, at = seen(editor, share)
+        mouse(editor, at, at + step)
+    editor.set_kind("exact")
+    settle(editor)
+    editor.slide(2, float(editor.code[2]) + 0.5)
+    editor.commit("Component 2")
+    mouse(editor, (8, 8), (60, 40))
+    settle(editor)
+
+
+def test_a_session_replays_to_the_same_mesh_on_the_command_line(editor, tmp_path, capfd):
+    from deformer_app import console
+    from deformer_app.cli import main as cli
+
+    bent(editor)
+    file, out = tmp_path / "session.json", tmp_path / "pose.ply"
+    editor.save_session(file)
+    assert not editor.session.changed
+    assert console.run(cli.app, ["fit", "--session", str(file), "-o", str(out), "--json"]) == 0
+    assert json.loads(capfd.readouterr().out)["z"] == pytest.approx(editor.code.tolist())
+    diagonal = editor.model.reference.bounding_diagonal
+    replayed = io.load_mesh(out).vertices
+    assert np.abs(replayed - editor.vertices).max() < 1e-6 * diagonal
+    editor.export_pose(tmp_path / "here.ply")
+    np.testing.assert_array_equal(io.load_mesh(tmp_path / "here.ply").vertices, editor.vertices)
+
+
+def test_opening_a_session_brings_everything_back(editor, tmp_path):
+    bent(editor)
+    editor.change_look(wireframe=True, dark=True, ghost="reference")
+    settle(editor)
+    before, camera, entries = editor.vertices.copy(), editor.camera, editor.session.entries
+    editor.save_session(tmp_path / "a.json")
+    editor.open_session(tmp_path / "a.json")
+    settle(editor)
+    np.testing.assert_allclose(editor.vertices, before, atol=1e-6)
+    assert editor.camera == camera and editor.session.entries == entries
+    assert editor.look.wireframe and editor.look.dark and editor.look.ghost == "reference"
+    editor.undo()
+    settle(editor)
+    assert np.abs(editor.vertices - before).max() > 1e-4
+
+
+def test_a_session_of_another_model_is_refused(editor, tmp_path):
+    editor.save_session(tmp_path / "a.json")
+    session = Session.load(tmp_path / "a.json")
+    session.model = replace(session.model, fingerprint="0" * 64)
+    with pytest.raises(InputError, match="another model"):
+        editor.open_model(session.model.path, session)
+    assert editor.is_open and replay(editor.session, editor.model).vertices.shape == (120, 3)
+
+
+def test_a_session_without_a_noted_pose_is_solved_for(editor):
+    bent(editor)
+    session = editor.session
+    session.entries[session.cursor] = replace(session.entry, solution=None)
+    pose = replay(session, editor.model)
+    targets = next(h for h in editor.edit.handles if h.kind == "exact")
+    np.testing.assert_allclose(pose.vertices[targets.vertices[0]], targets.targets[0], atol=1e-6)
+
+
+def test_a_pin_stays_and_drags_leave_it(editor):
+    vertex, at = seen(editor, 0.05)
+    mouse(editor, at)
+    editor.set_kind("pin")
+    settle(editor)
+    place = editor.vertices[vertex].copy()
+    mouse(editor, at, at + np.array([40, 40]))
+    np.testing.assert_allclose(editor.edit.handles[0].targets[0], place, atol=1e-6)
+    _, far = seen(editor, 0.95)
+    mouse(editor, far, far + np.array([-30, -50]))
+    np.testing.assert_allclose(editor.vertices[vertex], place, atol=1e-5)
+
+
+def test_numbers_move_the_selection_exactly(editor):
+    _, at = seen(editor, 0.9)
+    mouse(editor, at)
+    editor.set_centre([1.7, 0.25, 0.125])
+    assert editor.edit.handles[0].centre == pytest.approx((1.7, 0.25, 0.125))
+    assert editor.session.entry.label == "Move"
+
+
+def test_a_painted_region_moves_and_turns_as_one(editor):
+    editor.set_mode("paint")
+    editor.brush_radius = 0.15
+    _, at = seen(editor, 0.9)
+    mouse(editor, at, at + np.array([6, 0]), steps=2)
+    (region,) = editor.edit.handles
+    assert (
+        region.is_region and len(region.vertices) > 3 and set(region.vertices) <= set(region.patch)
+    )
+    assert editor.mode == "drag" and editor.selected == {region.id}
+    editor.set_gizmo("rotate")
+    assert editor.gizmo.mode == "rotate"
+    turn = rotation(region.centre, [0.0, 0.0, 0.3])
+    editor.move_selected(turn)
+    editor.commit("Rotate")
+    settle(editor)
+    patch = list(region.patch)
+    wanted = turn(editor.model.decode(np.array(editor.edit.base))[patch])
+    off = np.linalg.norm(editor.vertices[patch] - wanted, axis=1)
+    stayed = np.linalg.norm(editor.model.reference.vertices[patch] - wanted, axis=1)
+    assert off.mean() < 0.5 * stayed.mean()
+
+
+def test_the_brush_grows_and_shrinks(editor):
+    painted = []
+    for factor in (1.0, 3.0):
+        editor.resize_brush(factor)
+        editor.brush(60)
+        editor.finish_region()
+        painted.append(len(editor.edit.handles[-1].patch))
+    assert painted[0] < painted[1]
+
+
+@pytest.mark.parametrize("mode", ["rotate", "scale"])
+def test_several_handles_turn_and_grow_about_their_centre(editor, mode):
+    for vertex in (4, 60, 115):
+        editor.place(vertex, add=True)
+    editor.commit("Place handle")
+    settle(editor)
+    editor.set_gizmo(mode)
+    settle(editor)
+    before = np.array([handle.centre for handle in editor.edit.handles])
+    part = {"rotate": "rz", "scale": "s"}[mode]
+    outline = editor.gizmo.outline(part, editor.camera, SIZE)
+    line = editor.camera.project(outline, SIZE)
+    at = next(
+        pixel
+        for pixel in line
+        if editor.gizmo.part_at(pixel, editor.camera, SIZE) == part
+        and editor.handle_at(pixel) is None
+    )
+    mouse(editor, at, at + (np.array([20, 25]) if mode == "rotate" else np.array([60, 0])))
+    after = np.array([handle.centre for handle in editor.edit.handles])
+    assert editor.session.entry.label == mode.capitalize()
+    np.testing.assert_allclose(after.mean(axis=0), before.mean(axis=0), atol=1e-9)
+    was, now = (np.linalg.norm(p - p.mean(axis=0), axis=1) for p in (before, after))
+    if mode == "rotate":
+        np.testing.assert_allclose(now, was)
+        np.testing.assert_allclose(after[:, 2], before[:, 2], atol=1e-9)
+        assert np.abs(after - before).max() > 0.01
+    else:
+        np.testing.assert_allclose(now, 2**0.5 * was, rtol=1e-6)
+
+
+def test_looking_around_never_waits_for_a_slow_solver(editor, monkeypatch):
+    class Stuck:
+        busy = True
+
+        def take(self):
+            return None
+
+        def failures(self):
+            return []
+
+        def close(self, seconds=0.0):
+            pass
+
+    thread = editor._thread
+    monkeypatch.setattr(editor, "_thread", Stuck())
+    frames = []
+    editor.on_frame = lambda: frames.append(1)
+    end = time.perf_counter() + 0.5
+    while time.perf_counter() < end:
+        editor.camera = editor.camera.orbited(1.0, 0.0, editor.sky)
+        editor.camera_moved()
+        editor.tick()
+        time.sleep(0.002)
+    thread.close()
+    assert len(frames) >= 2
+
+
+def test_mirroring_copies_handles_to_the_other_side(editor):
+    editor.tell_symmetry("z")
+    vertex, at = seen(editor, 0.9)
+    mouse(editor, at, at + np.array([0, -20]))
+    (first,) = editor.edit.handles
+    editor.mirror()
+    settle(editor)
+    opposite = editor.symmetry.opposite[vertex]
+    if opposite == vertex:
+        assert len(editor.edit.handles) == 1
+    else:
+        second = editor.edit.handles[1]
+        assert second.vertices == (opposite,)
+        np.testing.assert_allclose(second.centre, editor.symmetry.mirror(first.centre))
+        editor.select([first.id])
+        editor.mirror()
+        assert len(editor.edit.handles) == 2, "what is there already moves"
+
+
+def test_the_suggested_handle_is_the_most_telling_one(editor):
+    editor.suggest()
+    settle(editor)
+    assert editor.look.colour == "uncertainty"
+    wanted = editor.answer.suggestion
+    assert wanted is not None
+    editor.suggest()
+    settle(editor)
+    assert editor.edit.handles[0].vertices == (wanted,)
+    assert editor.answer.suggestion != wanted
+
+
+def test_sliders_set_the_code_and_one_drag_is_one_step(editor):
+    limits = editor.activations
+    k = int(limits.order[0])
+    for value in np.linspace(limits.low[k], limits.high[k], 5):
+        editor.slide(k, float(value))
+    editor.commit("Component")
+    settle(editor)
+    assert editor.code[k] == pytest.approx(limits.high[k], abs=1e-6)
+    np.testing.assert_allclose(editor.vertices, editor.model.decode(editor.code), atol=1e-4)
+    assert len(editor.session.entries) == 2
+
+
+def test_a_slider_waits_for_the_end_of_a_drag(editor):
+    _, at = seen(editor, 0.9)
+    event(editor, "MouseMoveEvent", at)
+    event(editor, "LeftButtonPressEvent", at)
+    event(editor, "MouseMoveEvent", at + np.array([-20, -20]))
+    base = editor.edit.base
+    editor.slide(1, float(editor.code[1]) + 1.0)
+    event(editor, "LeftButtonReleaseEvent", at + np.array([-20, -20]))
+    settle(editor)
+    assert editor.edit.base == base and len(editor.session.entries) == 2
+
+
+def test_starting_from_training_shapes_and_meshes(editor, tmp_path):
+    codes = editor.start_codes()
+    assert len([name for name in codes if name.startswith("Shape")]) == len(editor.model.codes)
+    editor.start_from("Shape 3", codes["Shape 3"])
+    settle(editor)
+    np.testing.assert_allclose(editor.vertices, editor.model.decode(codes["Shape 3"]), atol=1e-4)
+    shape = editor.model.decode(codes["Shape 5"])
+    io.save_mesh(tmp_path / "five.ply", deformer.Mesh(shape, editor.model.reference.faces))
+    editor.start_from_mesh(tmp_path / "five.ply")
+    settle(editor)
+    assert np.abs(editor.vertices - shape).max() < 0.02
+    editor.reset()
+    settle(editor)
+    np.testing.assert_allclose(editor.code, codes["Reference"], atol=1e-9)
+
+
+def test_a_target_gives_errors_and_e_rms(editor, tmp_path):
+    target = sequence().vertices[4]
+    io.save_mesh(tmp_path / "t.ply", deformer.Mesh(target, editor.model.reference.faces))
+    editor.load_target(tmp_path / "t.ply")
+    settle(editor)
+    expected = deformer.e_rms(target, editor.vertices, "none")
+    assert editor.answer.error == pytest.approx(expected)
+    distance = np.linalg.norm(editor.vertices - target, axis=1)
+    np.testing.assert_allclose(editor.answer.paint.values, distance)
+    io.save_mesh(tmp_path / "wrong.ply", deformer.Mesh(np.eye(3), [[0, 1, 2]]))
+    with pytest.raises(InputError, match="3 vertices, expected 120"):
+        editor.load_target(tmp_path / "wrong.ply")
+
+
+@pytest.mark.parametrize("colour", ["displacement", "stretch", "uncertainty", "plain"])
+def test_every_colouring_can_be_seen(editor, colour):
+    _, at = seen(editor, 0.95)
+    mouse(editor, at, at + np.array([-25, -40]))
+    before = editor.view.picture().astype(int)
+    editor.change_look(colour=colour)
+    settle(editor)
+    changed = (np.abs(editor.view.picture() - before).max(axis=2) > 24).mean()
+    assert (changed > 0.01) == (colour != "plain")
+
+
+def test_handles_leave_for_the_command_line_and_come_out_the_same(editor, tmp_path):
+    _, at = seen(editor, 0.9)
+    mouse(editor, at, at + np.array([-20, -30]))
+    editor.set_weight(2.5)
+    editor.commit("Weight")
+    editor.export_handles(tmp_path / "h.json")
+    (row,) = io.load_handles(tmp_path / "h.json", 120).frames[0]
+    handle = editor.edit.handles[0]
+    assert (row.vertex, row.position, row.weight) == (handle.vertices[0], handle.targets[0], 2.5)
+    editor.clear()
+    with pytest.raises(InputError, match="no handles"):
+        editor.export_handles(tmp_path / "h.json")
+
+
+def test_anti_aliasing_is_off_while_moving_and_back_at_rest(editor):
+    _, at = seen(editor, 0.9)
+    event(editor, "MouseMoveEvent", at)
+    event(editor, "LeftButtonPressEvent", at)
+    event(editor, "MouseMoveEvent", at + np.array([-10, -10]))
+    settle(editor)
+    assert not editor.view.is_sharp
+    event(editor, "LeftButtonReleaseEvent", at + np.array([-10, -10]))
+    end = time.monotonic() + 10
+    while not editor.idle:
+        assert time.monotonic() < end
+        editor.tick()
+        time.sleep(0.005)
+    assert editor.view.is_sharp
+
+
+def test_an_error_of_the_solver_is_a_message_and_the_session_lives(editor, monkeypatch):
+    heard = []
+    editor.on_change.append(heard.append)
+
+    def broken(*_, **__):
+        raise RuntimeError("no luck today")
+
+    _, at = seen(editor, 0.9)
+    with monkeypatch.context() as patch:
+        patch.setattr(deformer.HandleSolver, "solve", broken)
+        mouse(editor, at, at + np.array([-20, -30]))
+    assert "message" in heard and "no luck today" in editor.message
+    assert len(editor.edit.handles) == 1
+    mouse(editor, (4, 4))
+    at = editor.camera.project([editor.edit.handles[0].centre], SIZE)[0]
+    mouse(editor, at, at + np.array([5, 5]))
+    assert editor.answer.final and editor.answer.request.edit == editor.edit
+
+
+def test_a_fast_drag_leaves_no_backlog(editor):
+    _, at = seen(editor, 0.95)
+    event(editor, "MouseMoveEvent", at)
+    event(editor, "LeftButtonPressEvent", at)
+    for n in range(300):  # faster than anything can be solved or drawn
+        event(editor, "MouseMoveEvent", at + np.array([-0.1, -0.15]) * n)
+    last = time.perf_counter()
+    wanted = editor.edit
+    while editor.answer.request.edit != wanted:
+        editor.tick()
+        assert time.perf_counter() - last < 2.0
+    assert editor.answer.request.number > 250
+    event(editor, "LeftButtonReleaseEvent", at + np.array([-30, -45]))
+    settle(editor)
+    assert len(editor.session.entries) == 2
+
+
+def test_recordings_and_turntables_are_animations(editor, tmp_path, monkeypatch):
+    monkeypatch.setattr(recording, "_TURN", 5)
+    recorder = Recorder(editor)
+    _, at = seen(editor, 0.95)
+    mouse(editor, at, at + np.array([-25, -40]))
+    pictures = recorder.stop()
+    assert len(pictures) >= 2 and pictures[0].shape == (*SIZE[::-1], 3)
+    assert (pictures[0] != pictures[-1]).any()
+    save_animation(tmp_path / "drag.gif", pictures)
+    with Image.open(tmp_path / "drag.gif") as movie:
+        assert movie.size == SIZE and getattr(movie, "n_frames", 1) > 1
+    camera = editor.camera
+    editor.run(turntable(editor, tmp_path / "turn.gif"))
+    settle(editor)
+    assert (tmp_path / "turn.gif").is_file() and editor.camera == camera
+    pytest.importorskip("imageio_ffmpeg", reason="MP4 needs imageio-ffmpeg")
+    save_animation(tmp_path / "drag.mp4", pictures)
+    assert (tmp_path / "drag.mp4").read_bytes()[4:8] == b"ftyp"
+
+
+def test_a_movie_of_another_kind_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"\.gif or \.mp4"):
+        save_animation(tmp_path / "a.avi", [np.zeros((4, 4, 3), np.uint8)])
+
+
+def test_a_screenshot_shows_the_mesh(editor, tmp_path):
+    editor.screenshot(tmp_path / "a.png")
+    image = np.asarray(Image.open(tmp_path / "a.png")).astype(int)
+    vertex, at = seen(editor, 0.5)
+    x, y = at.astype(int)
+    assert np.abs(image[y, x] - image[2, 2]).sum() > 30, vertex
+
+
+def test_work_of_a_crash_is_found_again_and_of_a_good_end_is_not(tmp_path, editor):
+    crashed = Places(tmp_path)
+    editor.write_copy(crashed.autosave)
+    assert Places(tmp_path).left_by_crash() is None, "its window is still open"
+    crashed._lock.release()  # what the system does when a process dies
+    later = Places(tmp_path)
+    assert later.left_by_crash() == crashed.autosave != later.autosave
+    later.forget(crashed.autosave)
+    later.close()
+    assert Places(tmp_path).left_by_crash() is None
+
+
+def test_recent_files_are_the_latest_first_and_once(tmp_path):
+    places = Places(tmp_path)
+    for name in ("a", "b", "a", *map(str, range(20)), "a"):
+        places.remember(name)
+    assert places.recent[:2] == ["a", "19"] and len(places.recent) == 10
+    Path(tmp_path / "settings.json").write_text("{ damaged")
+    assert places.recent == [] and not places.tour_seen
+    places.note_tour()
+    assert places.tour_seen
+
+
+def test_a_session_brings_its_target_back(editor, tmp_path):
+    target = deformer.Mesh(sequence().vertices[4], editor.model.reference.faces)
+    mesh, file = tmp_path / "t.ply", tmp_path / "a.json"
+    io.save_mesh(mesh, target)
+    editor.load_target(mesh)
+    settle(editor)
+    error, values = editor.answer.error, editor.answer.paint.values
+    editor.save_session(file)
+    editor.open_model(editor.session.model.path)
+    assert editor.target is None and editor.look.colour == "plain"
+    editor.open_session(file)
+    settle(editor)
+    assert not editor.message and (editor.look.colour, editor.look.ghost) == ("error", "target")
+    assert editor.answer.error == pytest.approx(error)
+    np.testing.assert_allclose(editor.answer.paint.values, values, atol=1e-6)
+
+    io.save_mesh(mesh, deformer.Mesh(target.vertices + 0.1, target.faces))
+    editor.open_session(file)
+    settle(editor)
+    assert "t.ply" in editor.message and "changed" in editor.message
+    assert editor.answer.error > error
+
+    mesh.unlink()
+    editor.open_session(file)
+    settle(editor)
+    assert "t.ply" in editor.message and "cannot be loaded" in editor.message
+    assert editor.target is None and (editor.look.colour, editor.look.ghost) == ("plain", "none")
+    editor.save_session(file)
+    io.save_mesh(mesh, target)
+    editor.open_session(file)
+    assert editor.target is not None, "it is not forgotten while it is away"
+
+
+def test_before_there_is_a_pose_nothing_is_placed_or_written(editor, tmp_path):
+    _, at = seen(editor, 0.5)
+    editor.open_model(editor.session.model.path)
+    assert editor.preparing
+    with pytest.raises(InputError, match="still being prepared"):
+        editor.export_pose(tmp_path / "pose.ply")
+    event(editor, "LeftButtonPressEvent", at)
+    event(editor, "LeftButtonReleaseEvent", at)
+    settle(editor)
+    assert editor.edit.handles == () and not editor.session.changed
+
+
+def test_a_component_can_stay_coloured(editor):
+    k = int(editor.activations.order[1])
+    editor.change_look(colour=f"component:{k}")
+    settle(editor)
+    np.testing.assert_array_equal(editor.answer.paint.values, editor.activations.support(k))
+    assert editor.answer.paint.title == editor.model.label(k)
+
+
+def test_work_beside_the_window_keeps_no_other_work_waiting(editor):
+    done, held = [], [True]
+
+    def quick():
+        yield
+        done.append("quick")
+
+    def slow():
+        yield from beside(lambda: [time.sleep(0.01) for _ in iter(lambda: held[0], False)])
+        done.append("slow")
+
+    editor.run(slow())
+    editor.run(quick())
+    for _ in range(5):
+        editor.tick()
+    assert done == ["quick"]
+    held[0] = False
+    settle(editor)
+    assert done == ["quick", "slow"]
+
+
+def test_a_mistake_beside_the_window_is_a_message(editor):
+    def fail():
+        raise InputError("the disk is full of holes")
+
+    editor.run(beside(fail))
+    settle(editor)
+    assert editor.message == "the disk is full of holes"
+
+
+@pytest.mark.parametrize("command", ["delete", "mirror", "suggest"])
+def test_a_command_that_needs_a_handle_says_so(editor, command):
+    getattr(editor, command)()
+    assert editor.notice
+    editor.notice = ""
+    editor.set_kind("pin")
+    assert "Select a handle" in editor.notice
+
+
+def test_a_rehearsal_leaves_no_trace(editor):
+    handle = Handle(1, (115,), ((1.9, 0.4, 0.2),), "exact")
+    edit = replace(editor.edit, handles=(handle,))
+    fresh, rehearsed = Poser(editor.model), Poser(editor.model)
+    rehearsed.rehearse()
+    expected, found = fresh.settle(edit).vertices, rehearsed.settle(edit).vertices
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("density", [1.0, 2.0])
+def test_a_dense_screen_changes_neither_aim_nor_the_size_of_marks(editor, monkeypatch, density):
+    """The same picture on a screen of twice the pixels: same vertices, balls twice as many wide."""
+    plotter = editor.view.plotter
+    plotter.window_size = [int(density * side) for side in SIZE]
+    monkeypatch.setattr(editor.view, "_screen", lambda: density)
+    assert editor.size == SIZE
+    editor.frame()
+    settle(editor)
+    vertex, at = seen(editor, 0.9)
+    for share in (0.3, 0.5, 0.7):
+        other, pixel = seen(editor, share)
+        assert other in editor.model.reference.faces[first_face(editor, pixel)]
+    interactor, height = plotter.iren.interactor, plotter.render_window.GetSize()[1]
+    interactor.SetEventInformation(
+        int(density * at[0]), height - 1 - int(density * at[1]), False, False
+    )
+    for name in ("MouseMove", "LeftButtonPress", "LeftButtonRelease"):
+        interactor.InvokeEvent(f"{name}Event")
+    settle(editor)
+    assert editor.edit.handles[0].vertices == (vertex,)
+    editor.select([])
+    editor.hover(Hover())
+    editor.tick()
+    picture = editor.view.grab().astype(int)
+    red, green, blue = np.moveaxis(picture, 2, 0)
+    ball = (red > 150) & (red - blue > 80) & (red - green > 50)
+    assert np.sqrt(4 / np.pi * ball.sum()) == pytest.approx(14 * density, rel=0.25)
+
+
+def test_a_recording_survives_another_size_of_the_window(editor):
+    recorder = Recorder(editor)
+    for size in (SIZE, (300, 200)):
+        editor.view.plotter.window_size = list(size)
+        editor.camera_moved()
+        time.sleep(2 / recording.FPS)
+        editor.tick()
+    assert {picture.shape for picture in recorder.stop()} == {(200, 300, 3)}

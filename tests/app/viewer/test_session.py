@@ -1,0 +1,213 @@
+"""The session: endless history, one entry a drag, one file for everything."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from deformer import InputError
+from deformer_app.viewer.gizmo import translation
+from deformer_app.viewer.session import Edit, Handle, ModelName, Session, Solution
+
+BASE = (0.1, -0.2, 1 / 3)
+NAME = ModelName("somewhere/model", "ab" * 32)
+ANSWER = Solution((0.3, 0.1, 1e-17), (0.0, 1e-300, 2.0), (1 / 7, 0.0, -5.0))
+
+
+def handle(number, vertex=7, **changes):
+    return replace(Handle(number, (vertex,), ((1.0, 2.0, 1 / 3),)), **changes)
+
+
+def session():
+    return Session.begin(NAME, BASE)
+
+
+def test_a_drag_is_one_entry_however_many_moves_it_has():
+    work = session()
+    for step in range(50):
+        moved = handle(1).moved(translation([0.01 * step, 0, 0]))
+        work.change(work.edit.with_handles([moved]))
+    assert len(work.entries) == 1 and work.under_way
+    assert work.commit("Drag")
+    assert [entry.label for entry in work.entries] == ["Start", "Drag"]
+    assert work.edit.handle(1).targets[0][0] == pytest.approx(1.49)
+
+
+def test_a_drag_that_comes_to_nothing_is_no_entry():
+    work = session()
+    work.change(replace(work.edit, noise=0.1))
+    work.change(replace(work.edit, noise=work.entry.edit.noise))
+    assert not work.commit("Nothing")
+    assert len(work.entries) == 1 and not work.under_way
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.lists(st.sampled_from(["do", "undo", "redo", "revert"]), max_size=40))
+def test_history_is_a_list_with_a_cursor(steps):
+    """Against the plainest model: a list of states, cut off after the cursor by a new one."""
+    work, states, at = session(), [session().edit], 0
+    for n, step in enumerate(steps):
+        if step == "do":
+            edit = replace(work.edit, noise=1.0 + n)
+            work.do(f"step {n}", edit)
+            states, at = [*states[: at + 1], edit], at + 1
+        elif step == "undo":
+            work.undo()
+            at = max(at - 1, 0)
+        elif step == "redo":
+            work.redo()
+            at = min(at + 1, len(states) - 1)
+        else:
+            work.change(replace(work.edit, noise=99.0))
+            work.revert()
+        assert work.edit == states[at]
+        assert (work.can_undo, work.can_redo) == (at > 0, at + 1 < len(states))
+
+
+def test_history_has_no_limit():
+    work = session()
+    for n in range(3000):
+        work.do("step", replace(work.edit, noise=1.0 + n))
+    for _ in range(3000):
+        work.undo()
+    assert work.edit.noise == session().edit.noise and not work.can_undo
+
+
+def test_the_pose_of_an_entry_is_noted_only_if_it_is_its_own():
+    work = session()
+    old = work.edit
+    work.do("Place", old.with_handles([handle(1)]))
+    work.solved(old, ANSWER)
+    assert work.entry.solution is None
+    work.solved(work.edit, ANSWER)
+    assert work.entry.solution == ANSWER
+    work.change(replace(work.edit, noise=1.0))
+    work.solved(work.edit, Solution((0.0,), (0, 0, 0), (0, 0, 0)))
+    work.revert()
+    assert work.entry.solution == ANSWER
+
+
+def test_saving_and_loading_gives_every_number_back(tmp_path):
+    work = session()
+    work.do("Place", work.edit.with_handles([handle(1, kind="pin"), handle(2, 9, weight=0.3)]))
+    work.solved(work.edit, ANSWER)
+    region = Handle(3, (1, 2), ((0.1, 0.0, 0.0), (0.0, 1e-9, 0.0)), patch=(1, 2, 5))
+    work.do("Paint", work.edit.with_handles([region]))
+    work.do("Body", replace(work.edit, body="moves", noise=0.02, base=(1.0, 2.0, 3.0)))
+    work.undo()
+    work.view = {"camera": {"position": [1, 2, 3]}}
+    work.save(tmp_path / "a.json")
+    again = Session.load(tmp_path / "a.json")
+    assert again.entries == work.entries
+    assert (again.cursor, again.model, again.view) == (work.cursor, work.model, work.view)
+    assert again.can_redo and not again.changed
+    again.save(tmp_path / "b.json")
+    assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
+
+
+def test_a_long_session_stays_small(tmp_path):
+    """A handle that does not change is written once."""
+    work = session()
+    many = [handle(n, n) for n in range(100)]
+    work.do("Place", work.edit.with_handles(many))
+    for n in range(100):
+        work.do("Drag", work.edit.with_handles([handle(1, 1, weight=2.0 + n)]))
+    work.save(tmp_path / "a.json")
+    assert len(json.loads((tmp_path / "a.json").read_text())["handles"]) == 200
+
+
+def test_what_would_be_lost(tmp_path):
+    work = session()
+    assert not work.changed
+    work.do("Place", work.edit.with_handles([handle(1)]))
+    assert work.changed
+    work.undo()
+    assert not work.changed
+    work.redo()
+    work.write_copy(tmp_path / "copy.json")
+    assert work.changed
+    work.save(tmp_path / "a.json")
+    assert not work.changed
+    work.solved(work.edit, ANSWER)
+    assert not work.changed, "a pose found after saving is no change"
+    work.mark_unsaved()
+    assert work.changed
+
+
+def test_ids_are_never_used_again():
+    work = session()
+    work.do("Place", work.edit.with_handles([handle(work.next_id())]))
+    work.do("Delete", work.edit.without([1]))
+    assert work.next_id() == 2
+
+
+def test_few_handles_leave_the_body_where_it_is():
+    edit = Edit(BASE)
+    assert edit.freedom < 0.1
+    three = edit.with_handles([handle(n, n) for n in range(3)])
+    assert three.freedom == 1.0
+    assert replace(three, body="stays").freedom < 0.1
+    assert replace(edit, body="moves").freedom == 1.0
+
+
+def test_arrays_for_the_solver():
+    region = Handle(3, (1, 2), ((0.1, 0, 0), (0, 1e-9, 0)), weight=2.0, patch=(1, 2, 5))
+    edit = Edit(BASE).with_handles([handle(1, kind="pin", weight=5.0), region])
+    vertices, targets, weights, hard = edit.arrays()
+    assert vertices == [7, 1, 2]
+    assert targets == [(1.0, 2.0, 1 / 3), (0.1, 0, 0), (0, 1e-9, 0)]
+    assert weights == [1.0, 2.0, 2.0]
+    assert hard == [True, False, False]
+    assert Edit(BASE).arrays() == ([], [], [], [])
+
+
+def damaged(**changes):
+    def change(data):
+        data.update(changes)
+        return data
+
+    return change
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        damaged(deformer_session=99),
+        damaged(cursor=7),
+        damaged(entries=[]),
+        damaged(handles=[]),
+        damaged(bases="x"),
+        lambda data: [data],
+        lambda data: {**data, "model": {}},
+        lambda data: {**data, "handles": [{**data["handles"][0], "kind": "odd"}]},
+        lambda data: {**data, "handles": [{**data["handles"][0], "targets": []}]},
+        lambda data: {**data, "handles": [{**data["handles"][0], "targets": [[1, 2]]}]},
+    ],
+)
+def test_damaged_files_are_refused_in_one_line(tmp_path, change):
+    work = session()
+    work.do("Place", work.edit.with_handles([handle(1)]))
+    path = tmp_path / "a.json"
+    work.save(path)
+    path.write_text(json.dumps(change(json.loads(path.read_text()))))
+    with pytest.raises(InputError, match=r"a\.json") as error:
+        Session.load(path)
+    assert "\n" not in str(error.value)
+
+
+def test_what_is_no_session_at_all(tmp_path):
+    for name, text in (("a.json", "{"), ("b.json", '{"handles": []}')):
+        (tmp_path / name).write_text(text)
+        with pytest.raises(InputError, match=name):
+            Session.load(tmp_path / name)
+    with pytest.raises(InputError, match="does not exist"):
+        Session.load(tmp_path / "c.json")
+
+
+def test_moving_moves_all_points():
+    region = Handle(3, (1, 2), ((0.1, 0, 0), (0, 1.0, 0)))
+    moved = region.moved(translation([1, 1, 1]))
+    np.testing.assert_allclose(moved.targets, np.array(region.targets) + 1)
+    assert moved.centre == pytest.approx((1.05, 1.5, 1.0))
