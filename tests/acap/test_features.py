@@ -1,7 +1,6 @@
 """Truths of features: what rigid, affine and bent shapes must give, and that they come back."""
 
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +17,7 @@ from deformer.acap.poisson import PoissonSystem
 from deformer.errors import InputError
 from deformer.geometry.mesh import Mesh, MeshSequence, connected_components, edges
 from deformer.geometry.rotations import log_to_rotation
+from paths import DATA
 from shapes import (
     MESHES,
     bend,
@@ -29,7 +29,6 @@ from shapes import (
     two_components,
 )
 
-DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 IDENTITY = np.array([0, 0, 0, 1, 0, 0, 1, 0, 1.0])
 
 

@@ -1,7 +1,6 @@
 """Edge lengths and dihedral angles: measures, derivatives, reconstruction, handle fits."""
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +16,7 @@ from deformer.geometry.metrics import e_rms
 from deformer.io.meshes import load_shapes
 from deformer.model.latent_prior import LatentPrior
 from deformer.training.sparse_components import LocalisedSettings
+from paths import DATA
 from shapes import (
     bend,
     icosphere,
@@ -29,7 +29,7 @@ from shapes import (
     two_components,
 )
 
-SCAPE = Path(__file__).resolve().parents[2] / "shared" / "data" / "scape-obj"
+SCAPE = DATA / "scape-obj"
 ALL = LocalisedSettings(sparsity=0.0, rounds=20)
 HANDLES = [3, 40, 77, 110]
 MESHES = {"tube": tube(), "strip": strip(), "sphere": icosphere(1), "components": two_components()}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from deformer import HandleSolver, InputError
-from deformer.editing import posterior as uncertainty
+from deformer.editing import uncertainty
 from shapes import small_model
 
 

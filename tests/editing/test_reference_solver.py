@@ -2,7 +2,6 @@
 
 import importlib.util
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from deformer import DeformationModel, FeatureScaler, HandleSolver, ModelConfig,
 from deformer.geometry.mesh import one_rings
 from deformer.model.latent_prior import fit_prior
 from deformer.network.autoencoder import MeshAutoencoder
+from paths import ROOT
 from shapes import awkward, sequence, small_model, tube, two_components
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -21,7 +21,7 @@ BOTH = pytest.mark.parametrize("layers", [(9,), (7, 5)], ids=["one layer", "two 
 
 
 def _solver():
-    path = Path(__file__).parent.parent / "benchmarks" / "reference_solver.py"
+    path = ROOT / "benchmarks" / "reference_solver.py"
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)

@@ -8,8 +8,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-import deformer.editing.sequence
 from deformer import HandleSolver, ModelConfig, fit_sequence, train
+from deformer.editing import sequence as sequence_module
 from deformer.errors import InputError
 from deformer.geometry.rotations import log_to_rotation
 from shapes import large_model, sequence, small_model
@@ -330,8 +330,8 @@ def test_windows_join_as_if_there_were_one(model, diagonal, truth, monkeypatch, 
 
     whole = fit()
     assert events == [(FRAMES, FRAMES)]
-    monkeypatch.setattr(deformer.sequence, "_WINDOW", 15)
-    monkeypatch.setattr(deformer.sequence, "_AHEAD", 8)
+    monkeypatch.setattr(sequence_module, "_WINDOW", 15)
+    monkeypatch.setattr(sequence_module, "_AHEAD", 8)
     parts = fit()
     assert events == [(15, FRAMES), (30, FRAMES), (FRAMES, FRAMES)]
     assert largest(parts - whole) < (0.02 if lost else 3e-3) * diagonal

@@ -1,11 +1,10 @@
 """The examples run, at reduced size, and each shows what it says."""
 
-from pathlib import Path
-
 import pytest
 from PIL import Image
 
-ROOT = Path(__file__).parents[1]
+from paths import ROOT
+
 EXAMPLES = ROOT / "examples"
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 

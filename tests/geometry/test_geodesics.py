@@ -4,7 +4,6 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ import pytest
 from deformer import Geodesics, farthest_points
 from deformer.errors import InputError
 from deformer.geometry.mesh import Mesh, connected_components
+from paths import ROOT
 from shapes import awkward, icosphere, strip, tube, two_components
 
 
@@ -183,9 +183,8 @@ print(json.dumps({"V": len(mesh.vertices), "growth": peak() - before}))
 @pytest.mark.skipif(sys.platform == "win32", reason="resource is not there")
 def test_memory_does_not_grow_with_the_square_of_the_vertices():
     """40,000 vertices: V × V floats would be 12.8 GB, V × 20 are 6 MB; peak growth < 0.6 GB."""
-    here = Path(__file__).resolve().parent
     environment = dict(os.environ)
-    environment["PYTHONPATH"] = os.pathsep.join([str(here.parent), str(here)])
+    environment["PYTHONPATH"] = os.pathsep.join([str(ROOT), str(ROOT / "tests" / "helpers")])
     environment["OMP_NUM_THREADS"] = "1"
     done = subprocess.run(
         [sys.executable, "-c", _MEMORY], env=environment, capture_output=True, text=True, check=True

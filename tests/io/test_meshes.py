@@ -2,7 +2,6 @@
 
 import json
 import struct
-from pathlib import Path
 
 import igl
 import numpy as np
@@ -14,8 +13,7 @@ from hypothesis.extra import numpy as hnp
 from deformer import io
 from deformer.errors import InputError
 from deformer.geometry.mesh import Mesh, MeshSequence
-
-DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+from paths import DATA
 
 FACES = np.array([[4, 1, 0], [1, 4, 3], [3, 6, 1], [0, 1, 6], [6, 3, 4]])
 EXACT = ("obj", "ply", "off")

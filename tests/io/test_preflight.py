@@ -1,7 +1,6 @@
 """The preflight report finds what is wrong with shapes that are wrong in a known way."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +9,7 @@ from deformer import io
 from deformer.geometry.mesh import MeshSequence
 from deformer.io import preflight as doctor
 from deformer.io.preflight import examine
-
-DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+from paths import DATA
 
 
 def grid(rows=6, columns=5):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy import sparse
 from scipy.sparse.linalg import splu
-from test_dissection import GRAPHS, NAMES, definite
 
-import deformer.linalg.sparse_cholesky
+from deformer.linalg import sparse_cholesky
 from deformer.linalg.sparse_cholesky import SparseCholesky
+from graphs import GRAPHS, NAMES, definite
 from shapes import icosphere, tube
 from tolerances import tolerance
 
@@ -17,8 +17,8 @@ from tolerances import tolerance
 @pytest.fixture
 def many_tasks(monkeypatch):
     """Four tasks also on small meshes, whatever the machine."""
-    monkeypatch.setattr(deformer.cholesky, "_SMALLEST_PART", 50)
-    monkeypatch.setattr(deformer.cholesky, "CORES", 4)
+    monkeypatch.setattr(sparse_cholesky, "_SMALLEST_PART", 50)
+    monkeypatch.setattr(sparse_cholesky, "CORES", 4)
 
 
 def factor(name):
@@ -92,7 +92,7 @@ def test_single_precision(name):
 @pytest.mark.parametrize("name", ["ball", "two", "coincident", "path", "star", "no edges", "hubs"])
 def test_tasks_give_what_one_gives(name, many_tasks, monkeypatch):
     parts = factor(name)
-    monkeypatch.setattr(deformer.cholesky, "CORES", 1)
+    monkeypatch.setattr(sparse_cholesky, "CORES", 1)
     whole = factor(name)
     assert len(whole.plan.tasks) == 2
     assert len(parts.plan.tasks) == 5
@@ -141,7 +141,7 @@ def test_a_task_writes_only_its_own_rows(many_tasks, monkeypatch):
             np.testing.assert_array_equal(x[others], before[others])
             checked.append(kernel)
 
-    monkeypatch.setattr(deformer.cholesky, "together", one_by_one)
+    monkeypatch.setattr(sparse_cholesky, "together", one_by_one)
     for columns in (3, 7):
         b = np.random.default_rng(6).normal(size=(n, columns))
         expected = np.linalg.solve(definite("ball").toarray(), b)

@@ -15,6 +15,7 @@ import deformer
 from deformer_app.viewer.pose_worker import replay
 from deformer_app.viewer.session import ModelName, Session
 from display import virtual_display
+from paths import ROOT
 from shapes import sequence, small_model
 
 pytest.importorskip("PySide6", reason='needs Qt: pip install "deformer[app]"')
@@ -244,7 +245,7 @@ def test_qt_gives_back_what_it_takes(app):
 
 
 def test_random_events_leave_a_consistent_session(app, model_path):
-    path = Path(__file__).parent.parent / "benchmarks" / "viewer_soak.py"
+    path = ROOT / "benchmarks" / "viewer_soak.py"
     spec = importlib.util.spec_from_file_location("viewer_soak", path)
     benchmark = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(benchmark)
