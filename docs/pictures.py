@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 
 import deformer
-from deformer_app import demo
-from deformer_app.camera import aim
-from deformer_app.filmstrips import save_sheet
-from deformer_app.pictures import HandleMarks, contact_sheet, render
-from deformer_app.session import NOISE
+from deformer_app.cli import demo
+from deformer_app.rendering.camera import aim
+from deformer_app.rendering.offscreen import HandleMarks, contact_sheet, render
+from deformer_app.rendering.sheets import save_sheet
+from deformer_app.viewer.session import NOISE
 
 COLUMNS, ROWS = 61, 41  # vertices of the flag
 # Where its lower and upper free corners and the middle between them are pulled to, in metres.
