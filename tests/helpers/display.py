@@ -31,4 +31,4 @@ def virtual_display(*programs):
     finally:
         os.close(read)
         server.terminate()
-        server.wait(10)
+        server.wait()

@@ -6,7 +6,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ import deformer
 from bars import bending_bar
 from deformer_app import console
 from deformer_app.cli import main as cli
+from waiting import HANG
 
 COMMANDS = ["check", "train", "info", "fit", "evaluate", "edit", "demo"]
 DEFORMER = [sys.executable, "-c", "from deformer_app.cli.main import main; main()"]
@@ -56,9 +56,11 @@ def frame_of(shape, vertices=(0, 100, 225)):
 
 
 def test_help_shows_every_command_and_is_quick():
-    started = time.perf_counter()
+    before = os.times()
     shown = subprocess.run([*DEFORMER, "--help"], capture_output=True, text=True, check=True)
-    assert time.perf_counter() - started < 3  # half a second on an idle machine
+    after = os.times()
+    # Of the processor, half of it needed; the clock would measure what else the machine does.
+    assert after.children_user - before.children_user < 1.5
     assert all(command in shown.stdout for command in COMMANDS)
     code = (
         "import sys; from deformer_app import cli, console; console.run(cli.app, ['--help'])\n"
@@ -220,7 +222,7 @@ def test_an_interrupted_training_is_saved_and_resumed(shapes_path, tmp_path, run
         while not process.stderr.readline().startswith("training 6/60"):
             assert process.poll() is None
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=HANG)
     finally:
         process.kill()
     assert process.returncode == 130

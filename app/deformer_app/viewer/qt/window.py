@@ -237,6 +237,11 @@ class Window(QMainWindow):
         parts = (self.saveGeometry(), self.saveState())
         self.places.note_layout(*(bytes(part.toBase64().data()).decode() for part in parts))
 
+    @property
+    def idle(self) -> bool:
+        """True once the picture and the docks show the editor's state."""
+        return self.editor.idle and not self._later.isActive()
+
     # Models, sessions, files.
 
     def begin(self, model: str, session: Session | None, file: Path | None) -> None:
@@ -542,7 +547,8 @@ class Window(QMainWindow):
             elif action.title == "Record":
                 item.setText("Stop recording" if self._recorder else "Record")
         name = self._file.name if self._file else Path(editor.session.model.path).name
-        self.setWindowTitle(f"{name}[*] – Deformer")
+        preparing = " (preparing)" if editor.preparing else ""
+        self.setWindowTitle(f"{name}[*] – Deformer{preparing}")
         self.setWindowModified(editor.session.changed)
         self._hint.setText(editor.hint)
 

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from deformer_app.viewer.session import ModelName, Session
 from display import virtual_display
 from paths import ROOT
 from shapes import sequence, small_model
+from waiting import wait_for
 
 pytest.importorskip("PySide6", reason='needs Qt: pip install "deformer[app]"')
 pytest.importorskip("pyvistaqt", reason='needs pyvistaqt: pip install "deformer[app]"')
@@ -61,22 +63,14 @@ def window(app, model_path, tmp_path):
     made = Window(places)
     made.show()
     made.begin(str(model_path), None, None)
-    wait_for(app, lambda: made.editor.activations is not None and made.editor.idle)
+    wait_for(lambda: made.editor.activations is not None and made.editor.idle, app.processEvents)
     yield made
     made._ended = True
     made.close()
 
 
-def wait_for(app, condition, seconds=60.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "waited in vain"
-        app.processEvents()
-        time.sleep(0.002)
-
-
 def rest(app, window):
-    wait_for(app, lambda: window.editor.idle and not window._later.isActive())
+    wait_for(lambda: window.idle, app.processEvents)
 
 
 def action(window, title):
@@ -185,13 +179,18 @@ def test_training_opens_its_model_and_can_be_cancelled(app, window, tmp_path):
     dialog._components.setValue(3)
     dialog._epochs.setValue(100_000)
     dialog._begin()
-    wait_for(app, lambda: dialog._job.progress and dialog._job.progress.stage == "training")
+    wait_for(
+        lambda: dialog._job.progress and dialog._job.progress.stage == "training", app.processEvents
+    )
     dialog.cancel()
-    wait_for(app, lambda: dialog._job is None)
+    wait_for(lambda: dialog._job is None, app.processEvents)
     assert "Cancelled" in dialog._state.text() and not (tmp_path / "shapes-model").exists()
     dialog._epochs.setValue(3)
     dialog._begin()
-    wait_for(app, lambda: dialog.ended and window.editor.is_open and not window.editor.preparing)
+    wait_for(
+        lambda: dialog.ended and window.editor.is_open and not window.editor.preparing,
+        app.processEvents,
+    )
     assert window.editor.model.components == 3
     assert window.editor.session.model.path == str((tmp_path / "shapes-model").resolve())
 
@@ -214,7 +213,7 @@ def test_the_tour_goes_on_by_what_is_done(app, window):
     first = window._tour_text.text()
     window.editor.place(100)
     window._changed("drag")
-    wait_for(app, lambda: window._tour_text.text() != first)
+    wait_for(lambda: window._tour_text.text() != first, app.processEvents)
     for _ in range(3):
         window._next_step()
     assert window._tour.isHidden() and window._tour_step is None
@@ -225,7 +224,7 @@ def test_training_on_nonsense_is_told_in_the_dialog(app, window, tmp_path):
     dialog = window._training
     dialog.choose(tmp_path / "nothing.npz")
     dialog._begin()
-    wait_for(app, lambda: dialog._job is None)
+    wait_for(lambda: dialog._job is None, app.processEvents)
     assert "nothing.npz" in dialog._state.text()
 
 
@@ -262,93 +261,88 @@ class Person:
         code = "from deformer_app.cli.main import main; main()"
         command = [sys.executable, "-c", code, "edit", *map(str, arguments)]
         self.program = subprocess.Popen(command, env=self.environment, stderr=subprocess.PIPE)
-        self.window = self.wait(self._find)
+        self.window = self.wait(lambda: self.windows("Deformer"))[-1]
 
-    def _find(self):
-        found = self._xdotool("search", "--onlyvisible", "--name", "Deformer").split()
-        return found[-1] if found else None
-
-    def _xdotool(self, *words):
+    def xdotool(self, *words):
         command = ["xdotool", *map(str, words)]
         return subprocess.run(command, env=self.environment, capture_output=True, text=True).stdout
 
-    def wait(self, condition, seconds=60.0):
-        end = time.monotonic() + seconds
-        while not (found := condition()):
-            assert self.program.poll() is None, self.program.stderr.read().decode()
-            assert time.monotonic() < end, "waited in vain"
-            time.sleep(0.05)
-        return found
+    def windows(self, title):
+        """Numbers of the visible windows whose title has a regular expression in it."""
+        return self.xdotool("search", "--onlyvisible", "--name", title).split()
+
+    def wait(self, condition):
+        return wait_for(condition, self._alive, pause=0.05)
+
+    def _alive(self):
+        assert self.program.poll() is None, self.program.stderr.read().decode()
 
     def drag(self, start, *ways, button=1):
-        self._xdotool("mousemove", *start, "mousedown", button)
+        self.xdotool("mousemove", *start, "mousedown", button)
         for at in ways:
-            self._xdotool("mousemove", *at)
+            self.xdotool("mousemove", *at)
             time.sleep(0.03)
-        self._xdotool("mouseup", button)
+        self.xdotool("mouseup", button)
 
     def key(self, name):
         # There is no window manager, which would give the keys back after a dialog.
-        self._xdotool("windowfocus", "--sync", self.window, "key", name)
+        self.xdotool("windowfocus", "--sync", self.window, "key", name)
+
+    def be_ready(self):
+        """Wait until the program is prepared for drags, as its title says."""
+        self.wait(lambda: self.windows(" Deformer$"))
 
     def answer(self, title, text):
         """Type into a dialog and send it off."""
-        number = self.wait(lambda: self._xdotool("search", "--onlyvisible", "--name", title))
-        self.wait(lambda: self._xdotool("getwindowfocus") == number)
-        self._xdotool("type", text)
-        self._xdotool("key", "Return")
+        (number,) = self.wait(lambda: self.windows(title))
+        self.wait(lambda: self.xdotool("getwindowfocus").split() == [number])
+        self.xdotool("type", text)
+        self.xdotool("key", "Return")
+        self.wait(lambda: number not in self.windows(title))
 
     def steps(self):
         """Labels of the history up to the entry that is shown."""
-        for path in Path(self.folder).glob("autosave-*.json"):
+        with suppress(StopIteration, FileNotFoundError):  # none yet, or gone meanwhile
+            path = next(Path(self.folder).glob("autosave-*.json"))
             data = json.loads(path.read_text())
             return [entry["label"] for entry in data["entries"][: data["cursor"] + 1]]
         return []
 
-    def settled_steps(self):
-        """The history once the autosave has caught up with it."""
-        steps, since = self.steps(), time.monotonic()
-        while time.monotonic() - since < 3.0:
-            time.sleep(0.1)
-            if self.steps() != steps:
-                steps, since = self.steps(), time.monotonic()
-        return steps
-
     def end(self):
         self.program.kill()
-        self.program.wait(10)
+        self.program.wait()
 
 
 def test_a_person_pulls_undoes_and_finds_it_again_after_a_crash(display, model_path, tmp_path):
     (tmp_path / "settings.json").write_text('{"tour_seen": true}')
     person = Person(display, tmp_path, model_path)
     try:
-        middle = (650, 470)
-
-        def pulled():
-            person.drag(middle, (655, 440), (660, 400), (665, 380))
-            time.sleep(0.2)
-            return len(person.steps()) > 2
-
-        person.wait(pulled)
-        steps = person.settled_steps()
-        assert set(steps[1:]) <= {"Place and drag", "Drag"}
-        count = len(steps)
+        person.be_ready()
+        person.drag((650, 470), (655, 440), (660, 400), (665, 380))
+        person.wait(lambda: person.steps() == ["Start", "Place and drag"])
+        person.drag((665, 380), (660, 400), (655, 420))
+        person.wait(lambda: len(person.steps()) == 3)
+        assert person.steps()[-1] in {"Place and drag", "Drag"}
         person.drag((330, 800), (380, 780), (420, 760))  # orbits: no step
         person.key("ctrl+z")
-        person.wait(lambda: len(person.steps()) == count - 1)
+        person.wait(lambda: len(person.steps()) == 2)
         person.key("ctrl+shift+z")
-        person.wait(lambda: len(person.steps()) == count)
+        person.wait(lambda: len(person.steps()) == 3)
     finally:
         person.end()
+    (left,) = tmp_path.glob("autosave-*.json")
     again = Person(display, tmp_path, model_path)
+
+    def agreed():
+        """Whether the dialog that asks has been answered; Return is yes."""
+        for number in again.windows("^Deformer$"):
+            if number != again.window:
+                again.xdotool("key", "--window", number, "Return")
+        return not left.exists()
+
     try:
-        # A dialog asks; Return is yes.
-        again.wait(lambda: again._xdotool("search", "--name", "^Deformer$").split()[1:] or None)
-        time.sleep(0.3)
-        dialog = again._xdotool("search", "--onlyvisible", "--name", "^Deformer$").split()[-1]
-        again._xdotool("key", "--window", dialog, "Return")
-        again.wait(lambda: len(again.steps()) == count)
+        again.wait(agreed)
+        again.wait(lambda: len(again.steps()) == 3)
     finally:
         again.end()
 
@@ -362,25 +356,24 @@ def test_a_person_poses_the_shipped_figure_and_finds_it_as_it_was_left(display, 
     person = Person(display, settings)
 
     def saved():
+        """The session as it is now: keys come after all that was done before them."""
+        file.unlink(missing_ok=True)
         person.key("ctrl+s")
-        time.sleep(0.2)
+        person.wait(file.is_file)
         return Session.load(file)
 
     def exported(person, name):
         path = tmp_path / name
-
-        def written():  # refused while the program is being prepared
-            person.key("ctrl+e")
-            person.answer("Export pose", str(path))
-            time.sleep(1)
-            return path.is_file()
-
-        person.wait(written)
+        person.key("ctrl+e")
+        person.answer("Export pose", str(path))
+        person.wait(path.is_file)
         return deformer.load_mesh(path).vertices
 
     try:
         # Three handles: a hand, and both feet pinned.
-        person.wait(lambda: person.drag(HAND) or person.steps())
+        person.be_ready()
+        person.drag(HAND)
+        person.wait(person.steps)
         for foot in FEET:
             count = len(person.steps())
             person.drag(foot)
@@ -410,11 +403,11 @@ def test_a_person_poses_the_shipped_figure_and_finds_it_as_it_was_left(display, 
         person.drag((1190, 473), (1210, 473), (1230, 473))
         person.wait(lambda: saved().entry.label.startswith("Component"))
         assert saved().edit.base != raised.edit.base
-        left = exported(person, "evening.ply")
         person.wait(lambda: saved().entry.solution is not None)
-        person.key("ctrl+q")
-        person.program.wait(30)  # nothing is lost, so nothing is asked
-        assert person.program.returncode == 0
+        left = exported(person, "evening.ply")
+        person.key("ctrl+q")  # nothing is lost, so nothing is asked
+        wait_for(lambda: person.program.poll() is not None or person.windows("^Deformer$"))
+        assert person.program.wait() == 0
     finally:
         person.end()
     model = deformer.load_model("humanoid")
@@ -422,6 +415,7 @@ def test_a_person_poses_the_shipped_figure_and_finds_it_as_it_was_left(display, 
     assert np.abs(replay(Session.load(file), model).vertices - left).max() < 1e-6 * diagonal
     person = Person(display, settings, "--session", file)
     try:
+        person.be_ready()
         found = exported(person, "morning.ply")
         assert np.abs(found - left).max() < 1e-6 * diagonal
         assert np.abs(found - reference).max() > 0.2
@@ -441,7 +435,7 @@ def test_the_plain_window_pulls_and_saves(display, model_path, tmp_path):
 
     def pulled():
         person.drag((550, 425), (555, 400), (560, 380), (565, 360))
-        person._xdotool("key", "ctrl+s")
+        person.xdotool("key", "ctrl+s")
         time.sleep(0.3)
         entries = json.loads(file.read_text())["entries"]
         return any("rag" in entry["label"] for entry in entries)
