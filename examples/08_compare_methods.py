@@ -11,6 +11,7 @@ from deformer import vertex_errors
 from deformer.baselines import METHODS
 from deformer_app.rendering.camera import aim
 from deformer_app.rendering.offscreen import Layer, contact_sheet, render
+from deformer_app.rendering.palette import HEAT
 from deformer_app.rendering.sheets import save_sheet
 
 
@@ -38,7 +39,7 @@ def main(picture: Path, quick: bool = False) -> dict[str, float]:
     camera = aim(unseen[shown], up="y", aspect=0.6 * pixels[0] / pixels[1])
     layers = [Layer(deformer.Mesh(unseen[shown], base.faces))] + [
         Layer(deformer.Mesh(p[shown], base.faces), scalars=errors[name], limits=(0.0, limit),
-              title="error", colormap="YlOrRd")
+              title="error", colormap=HEAT)
         for name, p in found.items()
     ]  # fmt: skip
     titles = ["unseen shape", *found]

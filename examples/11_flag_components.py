@@ -44,7 +44,8 @@ import deformer
 from deformer import Mesh, MeshSequence
 from deformer.baselines import EdgeSplocs
 from deformer_app.rendering.camera import aim
-from deformer_app.rendering.offscreen import GHOST, Layer, contact_sheet, render, save_picture
+from deformer_app.rendering.offscreen import Layer, contact_sheet, render, save_picture
+from deformer_app.rendering.palette import GHOST
 
 TRAINED = 5  # every so-manieth frame
 SHOWN = 4

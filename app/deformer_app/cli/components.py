@@ -13,8 +13,10 @@ import numpy as np
 import deformer
 from deformer import Component, ComponentAnalysis, Mesh, io
 from deformer_app import console
-from deformer_app.rendering.camera import Camera, aim, upright_axes
-from deformer_app.rendering.offscreen import Layer, Picture, contact_sheet, render, save_gif
+from deformer_app.rendering.animation import save_animation
+from deformer_app.rendering.camera import Camera, aim, turntable, upright_axes
+from deformer_app.rendering.offscreen import Layer, Picture, contact_sheet, render
+from deformer_app.rendering.palette import HEAT
 from deformer_app.rendering.sheets import save_sheet
 
 TILE = (420, 420)  # pixels of a picture, with its bar
@@ -23,7 +25,6 @@ TURN = (240, 300)  # pixels of a turntable
 COLUMNS = 5
 FPS = 8
 CAPTION = "feature change"
-COLORS = "YlOrRd"  # what stays is light, and its shading shows
 
 
 def run(
@@ -31,7 +32,7 @@ def run(
     output: Path,
     top: int | None,
     users: int,
-    turntable: int,
+    turn: int,
     progress: Callable[[int, int], None],
 ) -> dict[str, Any]:
     """Analyse a model's components and write what was found.
@@ -41,7 +42,7 @@ def run(
         output: directory, made if missing.
         top: how many components, the strongest; None is all.
         users: training shapes to name for each.
-        turntable: pictures of a turn around each; 0 is none.
+        turn: pictures of a turn around each; 0 is none.
         progress: called with the pictures done and their number.
 
     Returns:
@@ -54,7 +55,7 @@ def run(
     stems = [f"component-{c.index:02d}" for c in found]
     for c, stem in zip(found, stems, strict=True):
         io.save_mesh(output / f"{stem}.ply", analysis.shape(c.index))
-    total = len(found) * (1 + turntable)
+    total = len(found) * (1 + turn)
     up = str(model.summary.get("up", "y"))
     tiles = []
     for stem, picture in zip(stems, heat_maps(analysis, found, up), strict=True):
@@ -62,8 +63,8 @@ def run(
         tiles.append(picture)
         progress(len(tiles), total)
     save_sheet(output / "sheet.png", contact_sheet(tiles, COLUMNS, [title(c) for c in found]))
-    if turntable:
-        _turntables(analysis, found, up, turntable, [output / f"{s}.gif" for s in stems], progress)
+    if turn:
+        _turntables(analysis, found, up, turn, [output / f"{s}.gif" for s in stems], progress)
     rows = [asdict(c) for c in found]
     _save_table(output / "components.csv", rows)
     result = {"model": model_name, "components": rows, "sharing": analysis.sharing}
@@ -155,7 +156,7 @@ def _layers(analysis: ComponentAnalysis, found: list[Component]) -> list[Layer]:
             scalars=heat,
             limits=(0.0, limit),
             title=CAPTION,
-            colormap=COLORS,
+            colormap=HEAT,
         )
         for c, heat in zip(found, heats, strict=True)
     ]
@@ -178,8 +179,7 @@ def _turntables(
             frames.append(render(bare, camera, TURN))
             done += 1
             progress(done, len(found) * (1 + count))
-        with io.atomic_path(file) as temporary:
-            save_gif(temporary, frames, FPS)
+        save_animation(file, frames, FPS)
 
 
 def _around(mesh: Mesh, up: str, sky: Any, count: int) -> list[Camera]:
@@ -190,7 +190,7 @@ def _around(mesh: Mesh, up: str, sky: Any, count: int) -> list[Camera]:
     middle = 0.5 * (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0))
     eye = middle + np.subtract(far.position, far.focal)
     first = Camera(tuple(eye.tolist()), tuple(middle.tolist()), far.up)
-    return [first.orbited(360.0 * n / count, 0.0, sky) for n in range(count)]
+    return turntable(first, count, sky)
 
 
 def _save_table(path: Path, rows: list[dict[str, Any]]) -> None:

@@ -14,14 +14,9 @@ from numpy.typing import NDArray
 import deformer
 from deformer import Mesh, io
 from deformer_app import console
-from deformer_app.rendering.camera import aim, upright_axes
-from deformer_app.rendering.offscreen import (
-    HandleMarks,
-    contact_sheet,
-    render,
-    save_gif,
-    save_picture,
-)
+from deformer_app.rendering.animation import save_animation
+from deformer_app.rendering.camera import aim, eased, upright_axes
+from deformer_app.rendering.offscreen import HandleMarks, contact_sheet, render, save_picture
 from deformer_app.viewer.session import NOISE
 
 if TYPE_CHECKING:
@@ -32,6 +27,7 @@ CROUCH_STEPS = 40  # mouse moves that push the head down
 TILE = (420, 520)  # pixels of a picture on the sheet
 FRAME = (360, 440)  # pixels of the animation
 FRAME_STRIDE = 2  # mouse moves a picture of the animation
+FPS = 20  # of the animation
 
 # The figure is measured in its own height. Shoulders sit at 0.1 from the middle and 0.82 up.
 SHOULDER_SIDE, SHOULDER_DROP = 0.10, 0.18
@@ -104,12 +100,12 @@ def record(reference: Mesh, up: str = "y") -> Drag:
     arm = hand[:2] - shoulder
     length, start = np.sqrt((arm**2).sum()), np.arctan2(arm[1], arm[0])
     moves = []
-    for step in _eased(REACH_STEPS):
+    for step in eased(REACH_STEPS):
         angle = start + step * (RAISED - start)
         target = [*(shoulder + length * np.array([np.cos(angle), np.sin(angle)])), hand[2]]
         moves.append((vertices.index(int(candidates["left wrist"])), target @ axes))
     head = local[candidates["head"]]
-    for step in _eased(CROUCH_STEPS):
+    for step in eased(CROUCH_STEPS):
         target = head - [0, step * CROUCH * size, 0]
         moves.append((vertices.index(int(candidates["head"])), target @ axes))
     return Drag(
@@ -162,7 +158,7 @@ def run(model_name: str, output: Path, progress: Callable[[int, int], None]) -> 
     for index in shown:
         frames.append(_picture(model.reference, drag, takes[index], camera, FRAME))
         progress(len(takes) + len(frames), total)
-    save_gif(files[2], [*frames, *[frames[-1]] * 10], fps=20)
+    save_animation(files[2], [*frames, *[frames[-1]] * 10], FPS)
     return {"model": model_name, **_summarize(model.reference, drag, takes, up), "files": files}
 
 
@@ -191,11 +187,6 @@ def show(result: dict[str, Any]) -> None:
     )
     for file in result["files"]:
         console.note(f"Wrote {file}")
-
-
-def _eased(count: int) -> NDArray[np.float64]:
-    """Rise from 0 (left out) to 1 as a hand moves a mouse: slow, fast, slow."""
-    return 0.5 - 0.5 * np.cos(np.pi * np.arange(1, count + 1) / count)
 
 
 def _take(pose: Any, targets: NDArray[np.float64], started: float) -> Take:

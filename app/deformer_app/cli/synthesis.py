@@ -23,10 +23,12 @@ from deformer import (
 )
 from deformer_app.cli import fit as fitting
 from deformer_app.cli.arguments import words
+from deformer_app.rendering.animation import save_animation, side_by_side, there_and_back
 from deformer_app.rendering.offscreen import contact_sheet
-from deformer_app.rendering.sheets import draw, save_animation, save_sheet, sheet
+from deformer_app.rendering.sheets import draw, save_sheet, sheet
 
 Progress = Callable[[int, int], None]
+FPS = 12  # of animations
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ def between(
     drawn = draw({way: p.vertices for way, p in paths.items()}, faces, _up(model), progress)
     titles = {way: [f"{way}, {t:.2f}" for t in path.times] for way, path in paths.items()}
     save_sheet(output / "sheet.png", sheet(drawn, titles))
-    save_animation(output / "path.gif", drawn)
+    save_animation(output / "path.gif", there_and_back(side_by_side(drawn)), FPS)
     record = {
         way: {
             "shortest_total": float(path.length_ratios().min()),
@@ -275,7 +277,8 @@ def _sweeps(
     files = ["sheet.png"]
     for n, (row, shapes) in enumerate(rows.items()):
         io.save_shapes(output / f"sweep-{n}.npz", MeshSequence(shapes, faces))
-        save_animation(output / f"sweep-{n}.gif", {row: drawn[row]})
+        frames = there_and_back(side_by_side({row: drawn[row]}))
+        save_animation(output / f"sweep-{n}.gif", frames, FPS)
         files += [f"sweep-{n}.npz", f"sweep-{n}.gif"]
     return {"output": str(output), "rows": list(rows), "files": _files(output, *files)}
 

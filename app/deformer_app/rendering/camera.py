@@ -127,6 +127,22 @@ class Camera:
         )
 
 
+def eased(count: int) -> NDArray[np.float64]:
+    """Shares (count,) of a way that is gone slowly, fast, slowly: above 0, up to 1."""
+    return 0.5 - 0.5 * np.cos(np.pi * np.arange(1, count + 1) / count)
+
+
+def turntable(camera: Camera, count: int, sky: ArrayLike) -> list[Camera]:
+    """Cameras of a full turn about the focal point in `count` equal steps, `camera` first.
+
+    Args:
+        camera: where the turn begins.
+        count: number of cameras.
+        sky: (3,) the direction that stays up.
+    """
+    return [camera.orbited(360.0 * n / count, 0.0, sky) for n in range(count)]
+
+
 @dataclass(frozen=True, eq=False)
 class Ray:
     """A half-line: `origin` (3,) and `direction` (3,) of any length."""

@@ -1,4 +1,4 @@
-"""Off-screen pictures: renderings of meshes with handles, contact sheets and animations.
+"""Off-screen pictures: renderings of meshes with handles, and contact sheets.
 
 Nothing here needs a display or a window system. On Linux VTK draws through EGL (Mesa's software
 renderer is enough: Debian's `libegl1` and `libgl1-mesa-dri`). Colours are 8-bit RGB, images are
@@ -26,17 +26,9 @@ from PIL import Image, ImageDraw, ImageFont
 import deformer
 from deformer import Mesh
 from deformer_app.rendering.camera import Camera
+from deformer_app.rendering.palette import BACKGROUND, CLAY, HANDLE, INK, PINNED, SCALARS, TARGET
 
 Picture = NDArray[np.uint8]
-
-BACKGROUND = "#f3f2ef"
-INK = "#33373d"
-CLAY = "#c5d2de"
-GHOST = "#d8d2c8"
-HANDLE = "#e8641b"
-PINNED = "#3d4754"
-TARGET = "#1f78d1"
-COLORMAP = "viridis"
 
 FEATURE_ANGLE = 60.0  # degrees between faces from which an edge is drawn sharp
 _SURFACELESS = 0x31DD  # EGL_PLATFORM_SURFACELESS_MESA
@@ -71,7 +63,7 @@ class Layer:
     title: str = ""
     limits: tuple[float, float] | None = None
     bar: bool = True
-    colormap: str = COLORMAP
+    colormap: str = SCALARS
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +94,7 @@ def render(
 
     Args:
         layers: one mesh or several, drawn in the same space.
-        camera: see `deformer_app.camera.aim`; keep one camera for the frames of an animation.
+        camera: see `camera.aim`; keep one camera for the frames of an animation.
         size: width and height in pixels.
         handles: marks to draw with them.
         background: a flat colour.
@@ -192,36 +184,6 @@ def contact_sheet(
 def save_picture(path: str | os.PathLike[str], image: Picture) -> None:
     """Write a picture; the ending of `path` chooses the format."""
     Image.fromarray(image).save(Path(path))
-
-
-def save_gif(path: str | os.PathLike[str], frames: Sequence[Picture], fps: float = 20.0) -> None:
-    """Write pictures as an endless GIF with one palette, so that still parts do not flicker.
-
-    Raises:
-        InputError: no frames.
-    """
-    if not len(frames):
-        raise deformer.InputError(f"{path}: got no frames, expected at least one")
-    # The palette comes from a few frames spread over the animation, set side by side.
-    samples = [Image.fromarray(frame) for frame in frames[:: max(1, len(frames) // 8)]]
-    width, height = samples[0].size
-    strip = Image.new("RGB", (width * len(samples), height))
-    for index, sample in enumerate(samples):
-        strip.paste(sample, (index * width, 0))
-    palette = strip.quantize(255, method=Image.Quantize.MEDIANCUT)
-    # One at a time: a minute of a large window would fill gigabytes.
-    indexed = (
-        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
-        for frame in frames
-    )
-    next(indexed).save(
-        Path(path),
-        save_all=True,
-        append_images=indexed,
-        duration=max(20, round(1000 / fps)),
-        loop=0,
-        optimize=False,
-    )
 
 
 def _listed(layers: Mesh | Layer | Sequence[Mesh | Layer]) -> Sequence[Mesh | Layer]:

@@ -1,4 +1,4 @@
-"""Rows of shapes drawn by one camera: a contact sheet, and an animation side by side."""
+"""Rows of shapes drawn by one camera, and the contact sheet of them."""
 
 from __future__ import annotations
 
@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from deformer import Mesh, io
 from deformer_app.rendering.camera import aim
-from deformer_app.rendering.offscreen import Picture, contact_sheet, render, save_gif, save_picture
+from deformer_app.rendering.offscreen import Picture, contact_sheet, render, save_picture
 
 TILE = (300, 360)  # width and height of a picture
 COLUMNS = 9  # most pictures in a row of a sheet
-FPS = 12
 
 
 def draw(
@@ -75,23 +74,3 @@ def save_rows(
 ) -> None:
     """Draw shapes (n, V, 3) by row and write the sheet of them."""
     save_sheet(path, sheet(draw(rows, faces, up), titles))
-
-
-def save_animation(
-    path: Path, drawn: Mapping[str, Sequence[Picture]], swing: bool = True, fps: float = FPS
-) -> None:
-    """Write a GIF of all rows beside each other, each under its label.
-
-    Args:
-        path: the file.
-        drawn: label → frames, equally many.
-        swing: there and back, and not there alone.
-        fps: frames a second.
-    """
-    labels = list(drawn)
-    frames = [
-        contact_sheet(list(moment), len(labels), labels)
-        for moment in zip(*drawn.values(), strict=True)
-    ]
-    with io.atomic_path(path) as temporary:
-        save_gif(temporary, [*frames, *frames[-2:0:-1]] if swing else frames, fps)

@@ -10,7 +10,8 @@ from PIL import Image
 
 from deformer import load_mesh, vertex_errors
 from deformer_app.rendering.camera import aim
-from deformer_app.rendering.offscreen import BACKGROUND, Layer, contact_sheet, draw_bar, render
+from deformer_app.rendering.offscreen import Layer, contact_sheet, draw_bar, render
+from deformer_app.rendering.palette import BACKGROUND
 
 _SIZE = (300, 340)
 

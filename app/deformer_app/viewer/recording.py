@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import Image
 
-from deformer import InputError, io
-from deformer_app.rendering.offscreen import Picture, save_gif
+from deformer_app.rendering.animation import check_animation_path, save_animation
+from deformer_app.rendering.camera import turntable
+from deformer_app.rendering.offscreen import Picture
 from deformer_app.viewer.worker import beside
 
 if TYPE_CHECKING:
@@ -81,17 +82,17 @@ class _Film(Sequence[Picture]):
         return np.asarray(picture if picture.size == size else picture.resize(size))
 
 
-def turntable(editor: Editor, path: Path) -> Iterator[None]:
+def save_turntable(editor: Editor, path: Path) -> Iterator[None]:
     """Write a full turn about the model's up axis; a picture a step.
 
     Raises:
         InputError: the file's ending is neither .gif nor .mp4.
     """
-    _check(path)
+    check_animation_path(path)
     first, pictures = editor.camera, []
     try:
-        for n in range(_TURN):
-            editor.camera = first.orbited(360.0 * n / _TURN, 0.0, editor.sky)
+        for camera in turntable(first, _TURN, editor.sky):
+            editor.camera = camera
             editor.view.look(editor.camera)
             editor.view.sharpen(True)
             editor.view.show_gizmo(None, None)
@@ -111,39 +112,5 @@ def saving(editor: Editor, path: Path, pictures: Sequence[Picture]) -> Iterator[
         InputError: see `save_animation`.
     """
     editor.note(f"Writing {path} …")
-    yield from beside(lambda: save_animation(path, pictures))
+    yield from beside(lambda: save_animation(path, pictures, FPS))
     editor.note(f"Wrote {path}")
-
-
-def save_animation(path: Path, pictures: Sequence[Picture]) -> None:
-    """Write pictures as .gif or .mp4.
-
-    Raises:
-        InputError: another ending, no pictures, or MP4 without imageio-ffmpeg.
-    """
-    _check(path)
-    if not pictures:
-        raise InputError(f"{path}: nothing was drawn, so there is nothing to write")
-    height, width = (2 * (n // 2) for n in pictures[0].shape[:2])  # H.264 wants even sizes
-    with io.atomic_path(path) as temporary:
-        if path.suffix.lower() == ".gif":
-            save_gif(temporary, pictures, FPS)
-            return
-        try:
-            import imageio_ffmpeg
-        except ImportError as error:
-            raise InputError(
-                f"{path}: MP4 needs imageio-ffmpeg; pip install imageio-ffmpeg, or write a .gif"
-            ) from error
-        writer = imageio_ffmpeg.write_frames(
-            str(temporary), (width, height), fps=FPS, quality=7, macro_block_size=2
-        )
-        writer.send(None)
-        for picture in pictures:
-            writer.send(np.ascontiguousarray(picture[:height, :width]))
-        writer.close()
-
-
-def _check(path: Path) -> None:
-    if path.suffix.lower() not in (".gif", ".mp4"):
-        raise InputError(f"{path}: got ending {path.suffix!r}, expected .gif or .mp4")

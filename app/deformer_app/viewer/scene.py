@@ -26,34 +26,25 @@ from vtkmodules.vtkRenderingCore import (
 from deformer import Mesh
 from deformer_app.rendering.camera import Camera
 from deformer_app.rendering.offscreen import LIGHTS, Picture
+from deformer_app.rendering.palette import (
+    AXES,
+    DIVERGING,
+    HEAT,
+    HOVERED,
+    LIGHT,
+    REGION,
+    SELECTED,
+    TARGET,
+    Theme,
+    rgb,
+)
 from deformer_app.viewer.colouring import Paint
 from deformer_app.viewer.controller import Pixel
 from deformer_app.viewer.gizmo import Gizmo
-from deformer_app.viewer.overlays import Dots, Strokes, rgb
+from deformer_app.viewer.overlays import Dots, Strokes
 
-SEQUENTIAL, DIVERGING = "YlOrRd", "coolwarm"
 _SUPERSAMPLING = 2.0  # pixels of VTK's pass along each side of one of the picture
 _APART = 4.0  # pixels from handle to target from which a line joins them
-
-
-@dataclass(frozen=True)
-class Theme:
-    """Colours of the picture."""
-
-    background: str
-    horizon: str
-    ink: str
-    clay: str
-    ghost: str
-    edge: str
-
-
-LIGHT = Theme("#f7f6f3", "#dfe3e8", "#2f343b", "#c5d2de", "#b9aa93", "#6d7a88")
-DARK = Theme("#23272d", "#353b44", "#e8e6e1", "#aebccb", "#8d7f6a", "#3c4650")
-
-KIND_COLOURS = {"soft": "#e8641b", "exact": "#c2255c", "pin": "#7048e8"}
-SELECTED, HOVERED, TARGET, PATCH = "#ffd43b", "#ffa94d", "#1f78d1", "#f2a65a"
-AXIS_COLOURS = {"x": "#e03131", "y": "#2f9e44", "z": "#1c7ed6"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +228,7 @@ class MeshView:
                 scalars="value",
                 preference="point" if paint.on == "vertices" else "cell",
                 clim=paint.limits,
-                cmap=DIVERGING if paint.diverging else SEQUENTIAL,
+                cmap=DIVERGING if paint.diverging else HEAT,
                 show_scalar_bar=False,
                 **look,
             )
@@ -305,7 +296,7 @@ class MeshView:
         patch = pv.PolyData(self._surface.points, np.insert(faces, 0, 3, axis=1).ravel())
         actor = self.plotter.add_mesh(
             patch,
-            color=PATCH,
+            color=REGION,
             opacity=0.75,
             lighting=False,
             pickable=False,
@@ -362,7 +353,7 @@ class MeshView:
         if part == "s":
             return self.theme.ink
         across = set("xyz") - set(part) if len(part) == 2 and part[0] != "r" else {part[-1]}
-        return AXIS_COLOURS[across.pop()]
+        return AXES[across.pop()]
 
     def show_box(self, low: Pixel | None, high: Pixel | None) -> None:
         """Draw a rectangle of the picture, or none."""

@@ -20,11 +20,12 @@ from numpy.typing import ArrayLike, NDArray
 import deformer
 from deformer import DeformationModel, InputError, Mesh, io
 from deformer_app.rendering.camera import Camera, aim, upright_axes
+from deformer_app.rendering.palette import DARK, KINDS, LIGHT, SELECTED
 from deformer_app.viewer.colouring import Paint
 from deformer_app.viewer.controller import Hover
 from deformer_app.viewer.gizmo import Gizmo, Mode
 from deformer_app.viewer.pose_worker import Answer, Poser, Request
-from deformer_app.viewer.scene import DARK, KIND_COLOURS, LIGHT, SELECTED, Marks, MeshView
+from deformer_app.viewer.scene import Marks, MeshView
 from deformer_app.viewer.session import Edit, Handle, ModelName, Session, Solution, point
 from deformer_app.viewer.worker import SolverThread, beside
 
@@ -488,8 +489,7 @@ class Desk:
         ]
         index = [vertex for vertex, _, _ in rows]
         colours = [
-            SELECTED if handle.id in self._selected else KIND_COLOURS[handle.kind]
-            for _, _, handle in rows
+            SELECTED if handle.id in self._selected else KINDS[handle.kind] for _, _, handle in rows
         ]
         sizes = [
             (8 if handle.is_region else 14) + (4 if handle.id == self._hover.handle else 0)

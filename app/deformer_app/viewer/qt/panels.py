@@ -29,6 +29,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from deformer_app.rendering.palette import BAD, FAIR, GOOD
 from deformer_app.viewer.colouring import COLOURINGS
 from deformer_app.viewer.editor import Editor
 from deformer_app.viewer.session import BODIES, KINDS, NOISE, Body, Kind
@@ -170,7 +171,7 @@ class ModelPanel(QWidget):
         percent = round(100 * answer.off_data)
         self._meter.setValue(min(percent, 300))
         self._meter.setFormat(f"{percent} %")
-        colour = "#2f9e44" if percent <= 100 else "#f08c00" if percent <= 200 else "#e03131"
+        colour = GOOD if percent <= 100 else FAIR if percent <= 200 else BAD
         self._meter.setStyleSheet(f"QProgressBar::chunk {{ background: {colour}; }}")
         self._error.setText("no target" if answer.error is None else f"{answer.error:.3g}")
 

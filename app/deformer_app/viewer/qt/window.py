@@ -28,12 +28,13 @@ from PySide6.QtWidgets import (
 from pyvistaqt import QtInteractor
 
 from deformer import InputError
+from deformer_app.rendering.palette import NOTICE, NOTICE_INK
 from deformer_app.viewer.actions import ACTIONS, MENUS, Action, help_groups
 from deformer_app.viewer.editor import Editor
 from deformer_app.viewer.events import listen
 from deformer_app.viewer.qt.panels import ComponentPanel, HandlePanel, ModelPanel
 from deformer_app.viewer.qt.training_dialog import TrainingDialog
-from deformer_app.viewer.recording import Recorder, saving, turntable
+from deformer_app.viewer.recording import Recorder, save_turntable, saving
 from deformer_app.viewer.scene import MeshView
 from deformer_app.viewer.session import Session
 from deformer_app.viewer.settings import Places
@@ -118,14 +119,14 @@ class Window(QMainWindow):
         column = QVBoxLayout(centre)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(0)
-        self._banner, self._banner_text = self._strip("#fff3bf", ("Close", self._hide_banner))
+        self._banner, self._banner_text = self._strip("mistake", ("Close", self._hide_banner))
         self._tour, self._tour_text = self._strip(
-            "#d0ebff", ("Next", self._next_step), ("End tour", self._end_tour)
+            "tour", ("Next", self._next_step), ("End tour", self._end_tour)
         )
         self.plotter = _Picture(centre, auto_update=False, multi_samples=0)
-        self._film, film = self._strip("#ffe3e3", ("Stop", lambda: self._guard(self.record)))
+        self._film, film = self._strip("recording", ("Stop", lambda: self._guard(self.record)))
         film.setText("<b>●</b>&nbsp; Recording what the picture shows")
-        self._wait, wait = self._strip("#e9ecef")
+        self._wait, wait = self._strip("waiting")
         wait.setText("Preparing the solver. The first time after an installation this takes a "
                      "minute. You can look around already.")  # fmt: skip
         bar = QProgressBar()
@@ -173,12 +174,10 @@ class Window(QMainWindow):
         timer.timeout.connect(run)
         return timer
 
-    def _strip(
-        self, colour: str, *buttons: tuple[str, Callable[[], Any]]
-    ) -> tuple[QWidget, QLabel]:
+    def _strip(self, kind: str, *buttons: tuple[str, Callable[[], Any]]) -> tuple[QWidget, QLabel]:
         """A coloured line of text with buttons, hidden."""
         strip, text = QWidget(), QLabel()
-        strip.setStyleSheet(f"background: {colour}; color: #212529;")
+        strip.setStyleSheet(f"background: {NOTICE[kind]}; color: {NOTICE_INK};")
         text.setWordWrap(True)
         row = QHBoxLayout(strip)
         row.addWidget(text, 1)
@@ -398,7 +397,7 @@ class Window(QMainWindow):
         """Write a turntable."""
         path = self.ask_save("Save turntable", "turntable.gif", _MOVIES)
         if path is not None:
-            self.editor.run(turntable(self.editor, path))
+            self.editor.run(save_turntable(self.editor, path))
 
     # Help.
 
@@ -554,33 +553,12 @@ class Window(QMainWindow):
 
     def _dress(self) -> None:
         """Give the widgets the colours of the picture."""
-        dark = self.editor.look.dark
-        palette = QPalette()
-        roles = QPalette.ColorRole
-        if dark:
-            for role, colour in (
-                (roles.Window, "#2b3037"), (roles.WindowText, "#e8e6e1"), (roles.Base, "#23272d"),
-                (roles.AlternateBase, "#2b3037"), (roles.Text, "#e8e6e1"),
-                (roles.Button, "#363c45"), (roles.ButtonText, "#e8e6e1"),
-                (roles.ToolTipBase, "#363c45"), (roles.ToolTipText, "#e8e6e1"),
-                (roles.Highlight, "#1f78d1"), (roles.HighlightedText, "#ffffff"),
-                (roles.Light, "#4a525d"), (roles.Dark, "#1b1e22"), (roles.Mid, "#3a414a"),
-            ):  # fmt: skip
-                palette.setColor(role, QColor(colour))
-            disabled = QPalette.ColorGroup.Disabled
-            for role in (roles.Text, roles.ButtonText, roles.WindowText):
-                palette.setColor(disabled, role, QColor("#7d848d"))
-        else:
-            for role, colour in (
-                (roles.Window, "#f1f1ef"), (roles.Base, "#ffffff"), (roles.Button, "#f7f7f5"),
-                (roles.Highlight, "#1f78d1"), (roles.HighlightedText, "#ffffff"),
-                (roles.WindowText, "#2f343b"), (roles.Text, "#2f343b"),
-                (roles.ButtonText, "#2f343b"),
-            ):  # fmt: skip
-                palette.setColor(role, QColor(colour))
-            disabled = QPalette.ColorGroup.Disabled
-            for role in (roles.Text, roles.ButtonText, roles.WindowText):
-                palette.setColor(disabled, role, QColor("#a5a9af"))
+        theme = self.editor.view.theme
+        palette, roles = QPalette(), QPalette.ColorRole
+        for name, colour in theme.widgets:
+            palette.setColor(roles[name], QColor(colour))
+        for role in (roles.Text, roles.ButtonText, roles.WindowText):
+            palette.setColor(QPalette.ColorGroup.Disabled, role, QColor(theme.disabled))
         QApplication.setPalette(palette)
 
     def closeEvent(self, event: QCloseEvent) -> None:

@@ -1,0 +1,96 @@
+"""Animations as files: GIF, and MP4 where imageio-ffmpeg is installed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from deformer import InputError, io
+from deformer_app.rendering.offscreen import Picture, contact_sheet
+
+
+def check_animation_path(path: Path) -> None:
+    """Raise InputError, before any work, unless `path` ends in .gif or .mp4."""
+    if path.suffix.lower() not in (".gif", ".mp4"):
+        raise InputError(f"{path}: got ending {path.suffix!r}, expected .gif or .mp4")
+
+
+def save_animation(path: Path, frames: Sequence[Picture], fps: int) -> None:
+    """Write pictures as an animation, the whole file or nothing.
+
+    Args:
+        path: ends in .gif, which repeats for ever, or .mp4.
+        frames: pictures (height, width, 3) of one size; a lazy sequence is read one at a time.
+        fps: frames a second.
+
+    Raises:
+        InputError: another ending, no frames, or MP4 without imageio-ffmpeg.
+    """
+    check_animation_path(path)
+    if not len(frames):
+        raise InputError(f"{path}: nothing was drawn, so there is nothing to write")
+    write = _write_gif if path.suffix.lower() == ".gif" else _write_mp4
+    with io.atomic_path(path) as temporary:
+        write(temporary, frames, fps)
+
+
+def side_by_side(rows: Mapping[str, Sequence[Picture]]) -> list[Picture]:
+    """Frames that show those of several rows beside each other, each under its label.
+
+    Args:
+        rows: label → frames, equally many in every row.
+    """
+    labels = list(rows)
+    return [
+        contact_sheet(list(moment), len(labels), labels)
+        for moment in zip(*rows.values(), strict=True)
+    ]
+
+
+def there_and_back(frames: Sequence[Picture]) -> list[Picture]:
+    """Frames from first to last and back again, without showing either end twice."""
+    return [*frames, *frames[-2:0:-1]]
+
+
+def _write_gif(path: Path, frames: Sequence[Picture], fps: int) -> None:
+    """Write an endless GIF with one palette, so that still parts do not flicker."""
+    # The palette comes from a few frames spread over the animation, set side by side.
+    samples = [Image.fromarray(frame) for frame in frames[:: max(1, len(frames) // 8)]]
+    width, height = samples[0].size
+    strip = Image.new("RGB", (width * len(samples), height))
+    for index, sample in enumerate(samples):
+        strip.paste(sample, (index * width, 0))
+    palette = strip.quantize(255, method=Image.Quantize.MEDIANCUT)
+    # One at a time: a minute of a large window would fill gigabytes.
+    indexed = (
+        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+        for frame in frames
+    )
+    next(indexed).save(
+        path,
+        save_all=True,
+        append_images=indexed,
+        duration=max(20, round(1000 / fps)),
+        loop=0,
+        optimize=False,
+    )
+
+
+def _write_mp4(path: Path, frames: Sequence[Picture], fps: int) -> None:
+    try:
+        import imageio_ffmpeg
+    except ImportError as error:
+        raise InputError(
+            f"{path}: MP4 needs imageio-ffmpeg; pip install imageio-ffmpeg, or write a .gif"
+        ) from error
+    height, width = (2 * (n // 2) for n in frames[0].shape[:2])  # H.264 wants even sizes
+    writer = imageio_ffmpeg.write_frames(
+        str(path), (width, height), fps=fps, quality=7, macro_block_size=2
+    )
+    writer.send(None)
+    for frame in frames:
+        writer.send(np.ascontiguousarray(frame[:height, :width]))
+    writer.close()

@@ -1,0 +1,63 @@
+"""Animations: what is written is what was drawn, at the rate that was asked for."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from bars import bending_bar
+from deformer import InputError
+from deformer_app.rendering.animation import save_animation, side_by_side, there_and_back
+from deformer_app.rendering.camera import aim, eased, turntable
+from deformer_app.rendering.offscreen import render
+
+
+def numbered(count, size=4):
+    """Pictures whose grey tells their place."""
+    return [np.full((size, size, 3), n, np.uint8) for n in range(count)]
+
+
+def test_a_gif_comes_back_from_disk(tmp_path):
+    shapes = bending_bar(count=6)
+    camera = aim(shapes.vertices)
+    frames = [render(shapes.mesh(i), camera, (96, 96)) for i in range(6)]
+    save_animation(tmp_path / "all.gif", frames, fps=25)
+    with Image.open(tmp_path / "all.gif") as gif:
+        assert (gif.n_frames, gif.size, gif.info["duration"]) == (6, (96, 96), 40)
+        for index, frame in enumerate(frames):
+            gif.seek(index)
+            shown = np.asarray(gif.convert("RGB")).astype(int)
+            assert np.abs(shown - frame).mean() < 4
+
+
+def test_another_ending_or_nothing_to_show_is_refused_and_writes_nothing(tmp_path):
+    with pytest.raises(InputError, match=r"\.gif or \.mp4"):
+        save_animation(tmp_path / "a.avi", numbered(1), 10)
+    with pytest.raises(InputError, match="nothing was drawn"):
+        save_animation(tmp_path / "none.gif", [], 10)
+    assert not list(tmp_path.iterdir())
+
+
+def test_there_and_back_shows_each_end_once():
+    shown = [int(frame[0, 0, 0]) for frame in there_and_back(numbered(4))]
+    assert shown == [0, 1, 2, 3, 2, 1]
+
+
+def test_rows_stand_side_by_side_and_have_equally_many_frames():
+    joined = side_by_side({"a": numbered(3, 40), "b": numbered(3, 40)})
+    assert len(joined) == 3 and joined[0].shape[1] > 2 * 40
+    with pytest.raises(ValueError, match="shorter"):
+        side_by_side({"a": numbered(3), "b": numbered(2)})
+
+
+def test_easing_ends_at_one_and_is_fastest_in_the_middle():
+    way = np.concatenate([[0.0], eased(20)])
+    assert way[-1] == pytest.approx(1.0)
+    assert np.diff(way).argmax() in (9, 10) and (np.diff(way) > 0).all()
+
+
+def test_a_turntable_closes():
+    first = aim(np.eye(3))
+    cameras = turntable(first, 8, [0.0, 1.0, 0.0])
+    np.testing.assert_allclose(cameras[0].position, first.position)
+    step = cameras[-1].orbited(360.0 / 8, 0.0, [0.0, 1.0, 0.0])
+    np.testing.assert_allclose(step.position, first.position)
