@@ -16,7 +16,6 @@ from itertools import pairwise
 
 import igl
 import numpy as np
-import torch
 import trimesh
 from numba import njit
 from reference_solver import ReferenceSolver
@@ -26,10 +25,9 @@ from scipy.spatial import KDTree
 
 import deformer
 from deformer.editing import HandleObjective, HandleSolver, Surface
-from deformer.geometry import align, one_rings
+from deformer.geometry import align
 from deformer.linalg import SparseCholesky, over_ranges
 from deformer.model.latent_prior import fit_prior
-from deformer.network import MeshAutoencoder
 
 STAGES = {
     "search by landmarks": (HandleObjective, "descend"),
@@ -92,19 +90,15 @@ def subdivided(model: deformer.DeformationModel) -> deformer.DeformationModel:
 
     C is halved and codes are doubled, since the sums over vertices grow fourfold.
     """
-    ref, C = model.reference, model.network.C.detach().numpy()
+    ref, C = model.reference, model.weights.C
     V = len(ref.vertices)
     v, faces = trimesh.remesh.subdivide(ref.vertices, ref.faces)
     edges = np.unique(np.sort(ref.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
     _, of = KDTree(ref.vertices[edges].mean(axis=1)).query(v[V:])
     finer = np.concatenate([C, C[edges[of]].mean(axis=1)]) / 2
     mesh = deformer.Mesh(v, np.asarray(faces))
-    rings = one_rings(mesh.faces, len(v))
-    network = MeshAutoencoder(*rings, model.components, model.config.layers)
-    state = {k: x for k, x in model.network.state_dict().items() if k.startswith("convs")}
-    network.load_state_dict({**state, "C": torch.tensor(finer)}, strict=False)
     return replace(
-        model, reference=mesh, network=network.eval(), codes=2 * model.codes,
+        model, reference=mesh, weights=replace(model.weights, C=finer), codes=2 * model.codes,
         prior=fit_prior(2 * model.codes),
     )  # fmt: skip
 

@@ -7,7 +7,6 @@ direct sparse solves. From a model only data are read.
 
 from __future__ import annotations
 
-import copy
 import time
 from collections.abc import Sequence
 
@@ -20,6 +19,8 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from deformer import DeformationModel, Pose
+from deformer.geometry import one_rings
+from deformer.network import MeshAutoencoder
 
 # Prior standard deviations of the rigid motion: radians, and bounding diagonals.
 _ROTATION_SCALE = 0.3
@@ -94,9 +95,11 @@ class ReferenceSolver:
         self._plate = self._bending @ self._laplacian
         # Vertex 0 is held: what L leaves open is a translation.
         self._factor = splu(self._laplacian[1:, 1:])
-        self._network = copy.deepcopy(model.network).double().requires_grad_(False)
+        rings = one_rings(f, len(v))
+        network = MeshAutoencoder.from_weights(model.weights, *rings)
+        self._network = network.double().requires_grad_(False)
         # Rounded to single precision by the network.
-        degree = np.maximum(np.diff(model.network.mean.get_buffer("crow").numpy()), 1)
+        degree = np.maximum(np.diff(rings[0]), 1)
         self._network.mean.register_buffer("inverse_degree", torch.tensor(1.0 / degree))
         self._mean, self._root = torch.tensor(model.prior.mean), torch.tensor(model.prior.factor)
         self._motions = [(np.repeat([_ROTATION_SCALE, _TRANSLATION_SCALE], 3), 0.0)]

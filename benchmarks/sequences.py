@@ -1,6 +1,7 @@
 """Frames a second of `fit_sequence` on markers of a moving mesh, and what its smoothness does.
 
     python benchmarks/sequences.py MODEL SHAPES [--markers 40] [--frames 2800] [--device cpu]
+        [--backend torch]
 
 SHAPES is a motion. It is played to and fro at four times its rate until there are enough frames;
 markers are vertices of it, clean, and with noise of 0.5 % of the bounding diagonal. For every
@@ -46,14 +47,14 @@ def lag(truth, found, most=6):
     return float(shifts[best] + 0.5 * (a - c) / (a - 2 * b + c))
 
 
-def speed(model, markers, motion, device, console):
-    table = Table(title=f"{len(motion)} frames, {len(markers)} markers, {device}")
+def speed(model, markers, motion, where, console):
+    table = Table(title=f"{len(motion)} frames, {len(markers)} markers, {where}")
     for name in ("", "frames a second", "set-up and all, s", "E_rms"):
         table.add_column(name, justify="left" if not name else "right")
     for hard in (False, True):
-        deformer.fit_sequence(model, markers, motion[:20, markers], hard=hard, device=device)
+        deformer.fit_sequence(model, markers, motion[:20, markers], hard=hard, **where)
         begun = time.perf_counter()
-        fit = deformer.fit_sequence(model, markers, motion[:, markers], hard=hard, device=device)
+        fit = deformer.fit_sequence(model, markers, motion[:, markers], hard=hard, **where)
         took = time.perf_counter() - begun
         error = deformer.e_rms(motion, fit.vertices, "none")
         row = f"{len(motion) / took:.0f}", f"{took:.1f}", f"{error:.2f}"
@@ -61,7 +62,7 @@ def speed(model, markers, motion, device, console):
     console.print(table)
 
 
-def smoothness(model, markers, motion, device, console):
+def smoothness(model, markers, motion, where, console):
     rng = np.random.default_rng(0)
     noisy = motion[:, markers].copy()
     noisy += _NOISE * model.reference.bounding_diagonal * rng.normal(size=noisy.shape) / 3**0.5
@@ -70,7 +71,7 @@ def smoothness(model, markers, motion, device, console):
         table.add_column(name, justify="right")
     for weight in (0.0, 1.0, 10.0, 100.0, 1000.0):
         clean, found = (
-            deformer.fit_sequence(model, markers, goals, smoothness=weight, device=device).vertices
+            deformer.fit_sequence(model, markers, goals, smoothness=weight, **where).vertices
             for goals in (motion[:, markers], noisy)
         )
         table.add_row(
@@ -90,14 +91,16 @@ def main() -> None:
     parser.add_argument("--markers", type=int, default=40)
     parser.add_argument("--frames", type=int, default=2800)
     parser.add_argument("--device", default="cpu")
+    parser.add_argument("--backend")
     options = parser.parse_args()
     model = deformer.load_model(options.model)
     shapes = align(deformer.load_shapes(options.shapes).vertices, model.reference.vertices)
     motion = to_and_fro(shapes, options.frames)
     markers = deformer.farthest_points(model.geodesics, options.markers, seed=0)
     console = Console(width=100)
-    speed(model, markers, motion, options.device, console)
-    smoothness(model, markers, motion[: min(400, len(motion))], options.device, console)
+    where = {"device": options.device, "backend": options.backend}
+    speed(model, markers, motion, where, console)
+    smoothness(model, markers, motion[: min(400, len(motion))], where, console)
 
 
 if __name__ == "__main__":

@@ -44,9 +44,9 @@ def main() -> None:
 
     config = resolve_config("default", components=options.components, sparsity=2.0)
     begun = time.perf_counter()
-    result = factor(x, scaler, *rings, geodesics, config)
+    result = factor(x, scaler, geodesics, config)
     seconds = time.perf_counter() - begun
-    decoder = Decoder(result.network, scaler, *rings)
+    decoder = Decoder(result.weights, scaler, *rings)
     back = [scaler.scale(decoder.features(decoder.project(features))) for features in q]
     goal = float(np.square(np.array(back) - x).sum() / len(x))
     console.print(f"{len(x)} shapes of {x.shape[1]} vertices, K = {options.components}")

@@ -35,7 +35,7 @@ class Activations:
     def __init__(self, model: DeformationModel) -> None:
         """Measure all components."""
         self._model = model
-        self._weights = model.network.C
+        self._weights = model.weights.C
         self.low: FloatArray = model.codes.min(axis=0)
         self.high: FloatArray = model.codes.max(axis=0)
         self.reference: FloatArray = model.encode(model.reference.vertices)
@@ -86,7 +86,7 @@ class Activations:
             InputError: no such component.
         """
         self._check(component)
-        weights = np.linalg.norm(self._weights[:, :, component].detach().numpy(), axis=1)
+        weights = np.linalg.norm(self._weights[:, :, component], axis=1)
         return weights.astype(np.float64) / (float(weights.max()) or 1.0)
 
     def _moved(self, component: int, value: float) -> FloatArray:

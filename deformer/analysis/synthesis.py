@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from deformer.analysis.activations import Activations, Familiarity
 from deformer.errors import InputError
 from deformer.geometry import FloatArray
-from deformer.model import DeformationModel, encode_features
+from deformer.model import DeformationModel
 
 Way = Literal["latent", "features", "linear"]
 WAYS: tuple[Way, ...] = ("latent", "features", "linear")
@@ -172,8 +172,7 @@ def transfer_code(source: DeformationModel, target: DeformationModel, z: ArrayLi
 
     Arguments and errors are those of `transfer`.
     """
-    q = _carried(source, target, z)
-    return encode_features(target.config, target.network, target.scaler, target.decoder, q[None])[0]
+    return target.encoder.encode(_carried(source, target, z)[None])[0]
 
 
 def _carried(source: DeformationModel, target: DeformationModel, z: ArrayLike) -> FloatArray:

@@ -30,12 +30,12 @@ class TorchFrames:
 
     Args:
         basis: with its handles taken.
-        device: of torch; "torch" is its CPU.
+        device: as `resolve_device` takes it.
     """
 
     def __init__(self, basis: HandleBasis, device: str) -> None:
         """Copy the decoder, the mesh, the factor and the handles."""
-        self._device = resolve_device("cpu" if device == "torch" else device)
+        self._device = resolve_device(device)
         self._basis = basis
         model = basis.model
         V = len(model.reference.vertices)
@@ -155,7 +155,8 @@ class _Decoder:
     def __init__(self, decoder: Decoder, device: torch.device) -> None:
         if not decoder.pointwise:
             raise InputError(
-                "device: a model of several layers is fitted to sequences on the cpu only"
+                "backend 'torch': a model of several layers is fitted to sequences by numba, on "
+                "the CPU; use the backend 'numba'"
             )
         self.matrix = torch.as_tensor(decoder.matrix, device=device)
         self._base, self._gain, self._offset = (

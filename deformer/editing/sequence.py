@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 
 from deformer.editing.acceleration import Roughness
 from deformer.editing.batch_numba import Boolean, Frames, NumbaFrames
-from deformer.editing.batch_torch import TorchFrames
 from deformer.editing.energy import HandleObjective
 from deformer.editing.green_functions import HandleBasis
 from deformer.editing.handles import check_handles
@@ -82,6 +81,7 @@ def fit_sequence(
     noise: float = 0.007,
     relaxation: int = 2,
     device: str = "cpu",
+    backend: str | None = None,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> SequenceFit:
     """Fit a model to frames of handle targets.
@@ -98,13 +98,14 @@ def fit_sequence(
         rigid: as in `HandleSolver`.
         noise: as in `HandleSolver`; markers are less certain than shapes.
         relaxation: rounds of rigid relaxation for hard handles, in every frame.
-        device: "cpu", for all cores by numba; or where torch computes many frames at once:
-            "cuda", "mps", "auto" (cuda or mps if there is one, else cpu), "torch" (torch's own
-            CPU kernels).
+        device: "cpu", "cuda", "mps" or "auto" (cuda or mps if there is one, else cpu).
+        backend: "numba", which uses all cores of the CPU, or "torch", which computes many frames
+            at once on any device; None is numba on the CPU and torch on every other device.
         on_progress: called with the frames done and their number.
 
     Raises:
-        InputError: shapes that differ, an index out of range, a target that is not finite.
+        InputError: shapes that differ, an index out of range, a target that is not finite, an
+            unknown or missing device, or a backend that cannot use it.
     """
     index, goals, factors, held = _checked(model, vertices, targets, weights, hard)
     if not (np.isfinite(smoothness) and smoothness >= 0):
@@ -113,9 +114,9 @@ def fit_sequence(
     solver = HandleSolver(model, rigid=rigid, noise=noise, freedom=1.0)
     basis = solver.basis
     basis.take(index.tolist())
-    backend = _backend(basis, device)
+    batch = _backend(basis, device, backend)
     objective = solver.objective
-    problem = _Problem(objective, backend, goals, factors, smoothness)
+    problem = _Problem(objective, batch, goals, factors, smoothness)
     F = len(goals)
     X = np.zeros((F, objective.size))
     out = np.empty((F, len(model.reference.vertices), 3))
@@ -132,7 +133,7 @@ def fit_sequence(
             part = slice(start, stop)
             Q, origin = log_to_rotation(X[part, -6:-3]), objective.origins(X[part])
             z = problem.codes(X[part])
-            backend.shapes(z, Q, origin, goals[part], held[part], relaxation, out[part])
+            batch.shapes(z, Q, origin, goals[part], held[part], relaxation, out[part])
             if on_progress is not None:
                 on_progress(stop, F)
     residual = np.linalg.norm(out[:, index] - goals, axis=2)
@@ -416,11 +417,22 @@ def _between(keys: IntArray, values: FloatArray, count: int) -> FloatArray:
     return np.asarray((1.0 - share) * values[start] + share * values[after])
 
 
-def _backend(basis: HandleBasis, device: str) -> Frames:
-    """`Frames` on a device; "auto" is an accelerator that there is and that knows the model."""
-    if device == "auto":
-        device = resolve_device(device).type if basis.model.decoder.pointwise else "cpu"
-    return NumbaFrames(basis) if device == "cpu" else TorchFrames(basis, device)
+def _backend(basis: HandleBasis, device: str, backend: str | None) -> Frames:
+    """`Frames` of a backend on a device; see `fit_sequence`."""
+    if backend not in (None, "numba", "torch"):
+        raise InputError(f"backend: expected numba or torch, got {backend!r}")
+    if device == "auto" and (backend == "numba" or not basis.model.decoder.pointwise):
+        device = "cpu"  # torch knows networks of one layer only
+    if device != "cpu":
+        device = str(resolve_device(device))
+    if backend == "torch" or (backend is None and device != "cpu"):
+        # torch takes seconds to import.
+        from deformer.editing.batch_torch import TorchFrames
+
+        return TorchFrames(basis, device)
+    if device != "cpu":
+        raise InputError(f"backend 'numba' computes on the CPU, got device {device!r}; use 'torch'")
+    return NumbaFrames(basis)
 
 
 def _checked(

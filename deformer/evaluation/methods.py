@@ -41,8 +41,8 @@ class Setting:
         """
         loaded = load_model(model)
         digest = hashlib.sha256()
-        for tensor in loaded.network.state_dict().values():
-            digest.update(tensor.numpy().tobytes())
+        for array in loaded.weights.arrays.values():
+            digest.update(array.tobytes())
         return cls(model=model, digest=digest.hexdigest()[:16])
 
     @property

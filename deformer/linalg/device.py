@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
-import torch
+from typing import TYPE_CHECKING
 
 from deformer.errors import InputError
 
+if TYPE_CHECKING:
+    import torch
+
 
 def resolve_device(device: str) -> torch.device:
-    """The torch device of "cpu", "cuda", "mps" or "auto" (the first of cuda, mps, cpu present)."""
+    """The torch device of a name.
+
+    Args:
+        device: "cpu", "cuda", "cuda:1", …, "mps", or "auto": the first of cuda, mps and cpu that
+            this machine has.
+
+    Raises:
+        InputError: another name, or a device that this machine has not.
+    """
+    import torch  # takes seconds; most programs never need it
+
     available = {
         "cuda": torch.cuda.is_available(),
         "mps": torch.backends.mps.is_available(),

@@ -9,7 +9,6 @@ from .latent_prior import (
 )
 from .model import (
     DeformationModel as DeformationModel,
-    encode_features as encode_features,
 )
 from .rigid_prior import (
     FREE as FREE,

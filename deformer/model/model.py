@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import ArrayLike
 
 from deformer.acap import (
@@ -26,7 +25,7 @@ from deformer.model.bend_limits import BendLimits
 from deformer.model.component_names import check_names, find_component
 from deformer.model.latent_prior import LatentPrior
 from deformer.model.rigid_prior import Placement
-from deformer.network import Decoder, MeshAutoencoder, ModelConfig
+from deformer.network import Decoder, Encoder, ModelConfig, NetworkWeights
 
 # Latent components whose tangents are solved at once in `DeformationModel.fit`: bounds memory.
 _TANGENT_BATCH = 10
@@ -40,7 +39,7 @@ class DeformationModel:
         reference: the undeformed mesh; all shapes share its connectivity.
         config: what it was trained with.
         scaler: linear feature scaling.
-        network: the trained autoencoder, on the CPU.
+        weights: of the trained network.
         codes: (N, K) latent codes of the training shapes.
         prior: mean and full covariance of the codes.
         split: {"train": indices, "test": indices} into the shapes it was trained from.
@@ -54,7 +53,7 @@ class DeformationModel:
     reference: Mesh
     config: ModelConfig
     scaler: FeatureScaler
-    network: MeshAutoencoder
+    weights: NetworkWeights
     codes: FloatArray
     prior: LatentPrior
     split: dict[str, list[int]]
@@ -117,7 +116,7 @@ class DeformationModel:
             arrays += self.placement.arrays.values()
         if self.limits is not None:
             arrays += self.limits.arrays.values()
-        arrays += [tensor.numpy() for _, tensor in sorted(self.network.state_dict().items())]
+        arrays += self.weights.arrays.values()
         for array in arrays:
             digest.update(f"{array.dtype.str} {array.shape}\n".encode())
             digest.update(array.tobytes())
@@ -145,11 +144,17 @@ class DeformationModel:
     @cached_property
     def decoder(self) -> Decoder:
         """The decoder as float64 arrays."""
-        return Decoder(self.network, self.scaler, *self._rings)
+        return Decoder(self.weights, self.scaler, *self._rings)
+
+    @cached_property
+    def encoder(self) -> Encoder:
+        """The encoder that the configuration names."""
+        projection = self.decoder if self.config.projects else None
+        return Encoder(self.weights, self.scaler, *self._rings, projection)
 
     def decoder_at(self, vertices: IntArray) -> Decoder:
         """The decoder restricted to some vertices."""
-        return Decoder(self.network, self.scaler, *self._rings, vertices)
+        return Decoder(self.weights, self.scaler, *self._rings, vertices)
 
     def encode(self, vertices: ArrayLike) -> FloatArray:
         """Latent codes of shapes: (V, 3) to (K,), or (N, V, 3) to (N, K).
@@ -160,8 +165,7 @@ class DeformationModel:
         shapes, single = self._checked(vertices)
         if self.config.align:
             shapes = align(shapes, self.reference.vertices)
-        q = extract_all(self.extractor, shapes)
-        codes = encode_features(self.config, self.network, self.scaler, self.decoder, q)
+        codes = self.encoder.encode(extract_all(self.extractor, shapes))
         return codes[0] if single else codes
 
     def decode(self, z: ArrayLike) -> FloatArray:
@@ -281,18 +285,3 @@ class DeformationModel:
         from deformer.model.storage import save_model
 
         save_model(self, path)
-
-
-def encode_features(
-    config: ModelConfig,
-    network: MeshAutoencoder,
-    scaler: FeatureScaler,
-    decoder: Decoder,
-    q: FloatArray,
-) -> FloatArray:
-    """Latent codes (N, K) of features (N, V, 9)."""
-    if config.projects:
-        return np.array([decoder.project(features) for features in q])
-    x = torch.as_tensor(np.swapaxes(scaler.scale(q), 0, 1), dtype=torch.float32)
-    with torch.no_grad():
-        return network.encode(x.contiguous()).double().numpy()

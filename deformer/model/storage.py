@@ -10,19 +10,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
+from numpy.typing import NDArray
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save
+from safetensors.numpy import load_file, save
 
 from deformer.acap import FeatureScaler
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, connectivity_hash, one_rings
+from deformer.geometry import FloatArray, connectivity_hash
 from deformer.io import atomic_directory, load_mesh, save_mesh, write_json
 from deformer.model.bend_limits import BendLimits
 from deformer.model.latent_prior import LatentPrior
 from deformer.model.model import DeformationModel
 from deformer.model.rigid_prior import Placement
-from deformer.network import MeshAutoencoder, ModelConfig
+from deformer.network import ModelConfig, NetworkWeights
 
 FORMAT_VERSION = 1
 
@@ -42,19 +42,17 @@ def save_model(model: DeformationModel, path: str | Path) -> None:
     """
     with atomic_directory(path, lambda entry: entry.name in (*_FILES, "README.md")) as folder:
         save_mesh(folder / "reference.ply", model.reference)
-        tensors = {f"network.{k}": v for k, v in model.network.state_dict().items()}
-        tensors["codes"] = torch.from_numpy(np.ascontiguousarray(model.codes))
-        tensors["latent_mean"] = torch.from_numpy(np.ascontiguousarray(model.prior.mean))
-        tensors["latent_covariance"] = torch.from_numpy(
-            np.ascontiguousarray(model.prior.covariance)
-        )
+        arrays: dict[str, NDArray] = {f"network.{k}": v for k, v in model.weights.arrays.items()}
+        arrays["codes"] = model.codes
+        arrays["latent_mean"] = model.prior.mean
+        arrays["latent_covariance"] = model.prior.covariance
         if model.placement is not None:
             for name, array in model.placement.arrays.items():
-                tensors[f"placement_{name}"] = torch.from_numpy(np.ascontiguousarray(array))
+                arrays[f"placement_{name}"] = array
         if model.limits is not None:
             for name, array in model.limits.arrays.items():
-                tensors[f"limits_{name}"] = torch.from_numpy(np.ascontiguousarray(array))
-        weights = save({k: v.contiguous() for k, v in tensors.items()})
+                arrays[f"limits_{name}"] = array
+        weights = save({name: np.ascontiguousarray(array) for name, array in arrays.items()})
         (folder / _FILES[2]).write_bytes(weights)
         V = len(model.reference.vertices)
         scaler = model.scaler
@@ -173,18 +171,19 @@ def _assemble(folder: Path, data: dict[str, Any]) -> DeformationModel:
     except SafetensorError as error:
         raise InputError(f"{folder / 'weights.safetensors'}: unreadable ({error})") from error
     config = ModelConfig(**{**_BEFORE, **data["config"]})
-    indptr, rings = one_rings(mesh.faces, len(mesh.vertices))
-    network = MeshAutoencoder(indptr, rings, config.components, config.layers)
-    network.load_state_dict(
+    weights = NetworkWeights.from_arrays(
         {k.removeprefix("network."): v for k, v in tensors.items() if k.startswith("network.")}
     )
+    shape = (len(mesh.vertices), config.layers[-1], config.components)
+    if weights.layers != config.layers or weights.C.shape != shape:
+        raise ValueError(f"C: expected {shape}, got {weights.C.shape} of layers {weights.layers}")
     return DeformationModel(
         mesh,
         config,
         FeatureScaler(*data["scaler"]["r"], *data["scaler"]["s"]),
-        network.eval(),
-        tensors["codes"].numpy(),
-        LatentPrior(tensors["latent_mean"].numpy(), tensors["latent_covariance"].numpy()),
+        weights,
+        tensors["codes"],
+        LatentPrior(tensors["latent_mean"], tensors["latent_covariance"]),
         data["split"],
         data["summary"],
         _placement(data["placement"], tensors) if "placement" in data else None,
@@ -194,20 +193,20 @@ def _assemble(folder: Path, data: dict[str, Any]) -> DeformationModel:
     )
 
 
-def _limits(tensors: Mapping[str, torch.Tensor]) -> BendLimits | None:
+def _limits(tensors: Mapping[str, NDArray]) -> BendLimits | None:
     """Of a model's files; older ones have none."""
     if "limits_slack" not in tensors:
         return None
     arrays = (f"limits_{name}" for name in ("directions", "low", "high", "slack"))
-    return BendLimits(*(tensors[name].numpy() for name in arrays))
+    return BendLimits(*(tensors[name] for name in arrays))
 
 
-def _placement(deviations: Mapping[str, float], tensors: Mapping[str, torch.Tensor]) -> Placement:
+def _placement(deviations: Mapping[str, float], tensors: Mapping[str, NDArray]) -> Placement:
     """Of a model's files; older ones have deviations only."""
 
     def array(name: str) -> FloatArray | None:
         found = tensors.get(f"placement_{name}")
-        return None if found is None else found.numpy()
+        return found
 
     return Placement(**deviations, offset=array("offset"), gain=array("gain"))
 

@@ -11,6 +11,13 @@ from .config import (
 from .decoder import (
     Decoder as Decoder,
 )
+from .encoder import (
+    Encoder as Encoder,
+)
 from .losses import (
     locality_row as locality_row,
+)
+from .weights import (
+    ConvolutionWeights as ConvolutionWeights,
+    NetworkWeights as NetworkWeights,
 )

@@ -12,6 +12,7 @@ from torch import Tensor, nn
 
 from deformer.geometry import IntArray
 from deformer.network.config import FEATURES
+from deformer.network.weights import NetworkWeights
 
 
 class MeanOverRing(nn.Module):
@@ -122,6 +123,24 @@ class MeshAutoencoder(nn.Module):
         scale = 0.1 / (V * widths[-1]) ** 0.5
         self.C = nn.Parameter(scale * torch.randn(V, widths[-1], components))
 
+    @classmethod
+    def from_weights(
+        cls, weights: NetworkWeights, indptr: IntArray, rings: IntArray
+    ) -> MeshAutoencoder:
+        """The network with copies of `weights`, on a mesh with these one-rings."""
+        network = cls(indptr, rings, weights.C.shape[2], weights.layers)
+        network.load_state_dict(
+            {name: torch.from_numpy(array.copy()) for name, array in weights.arrays.items()}
+        )
+        return network.eval()
+
+    @property
+    def weights(self) -> NetworkWeights:
+        """Copies of the weights as they are now."""
+        return NetworkWeights.from_arrays(
+            {name: value.detach().cpu().numpy().copy() for name, value in self.state_dict().items()}
+        )
+
     @property
     def layers(self) -> list[GraphConv]:
         """The convolutions, in the encoder's order."""
@@ -144,12 +163,6 @@ class MeshAutoencoder(nn.Module):
         count = min(self.C.shape[2], int((values > 1e-6 * values[-1]).sum()))
         leading = vectors[:, -count:].flip(1) / values[-count:].flip(0).sqrt()
         self.C[:, :, :count] = (f.T @ leading).reshape(*self.C.shape[:2], count)
-
-    @torch.no_grad()
-    def prune(self, share: float) -> None:
-        """Set weights ‖C_k^i‖ below `share` of component k's largest to zero."""
-        strength = torch.linalg.vector_norm(self.C, dim=1, keepdim=True)
-        self.C[(strength < share * strength.amax(dim=0)).expand_as(self.C)] = 0.0
 
     def _convolve(self, x: Tensor, mean: Tensor | None = None) -> Tensor:
         """Output f (N, μV) of the encoder's convolutions."""

@@ -17,7 +17,7 @@ from scipy import sparse
 from deformer.acap import FeatureScaler
 from deformer.geometry import FloatArray, IntArray
 from deformer.linalg import over_ranges
-from deformer.network.autoencoder import GraphConv, MeshAutoencoder
+from deformer.network.weights import NetworkWeights, ring_mean
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
@@ -71,7 +71,7 @@ class Decoder:
     """z (K,) to features (V, 9), or to those of the vertices it is restricted to.
 
     Args:
-        network: the trained autoencoder.
+        weights: of the trained network.
         scaler: the feature scaling it was trained with.
         indptr, rings: one-rings of the mesh.
         vertices: (n,) the vertices wanted; None is all.
@@ -79,7 +79,7 @@ class Decoder:
 
     def __init__(
         self,
-        network: MeshAutoencoder,
+        weights: NetworkWeights,
         scaler: FeatureScaler,
         indptr: IntArray,
         rings: IntArray,
@@ -87,10 +87,12 @@ class Decoder:
     ) -> None:
         """Collapse the affine first part and copy the remaining layers."""
         V = len(indptr) - 1
-        degree = np.diff(indptr)
-        data = np.repeat(1.0 / np.maximum(degree, 1), degree)
-        mean = sparse.csr_array((data, rings, indptr), shape=(V, V))
-        convs = [_arrays(conv) for conv in reversed(network.layers)]
+        mean = ring_mean(indptr, rings)
+        # The decoder's convolutions in its own order, (point, neighbour, bias) in double precision.
+        convs = [
+            tuple(np.asarray(a, dtype=np.float64) for a in (w.point, w.neighbour, w.bias_back))
+            for w in reversed(weights.convolutions)
+        ]
         rows = np.arange(V) if vertices is None else np.asarray(vertices, dtype=np.int64)
         self._layers: list[_Layer] = []
         for point, neighbour, bias in reversed(convs[1:]):
@@ -102,7 +104,7 @@ class Decoder:
             layer = _Layer(place[rows], mean[rows][:, below], point, neighbour, bias)
             self._layers.insert(0, layer)
             rows = below
-        C = network.C.detach().float().cpu().numpy()
+        C = weights.C
         self.components = C.shape[2]
         self.vertex_count = len(rows) if not self._layers else len(self._layers[-1].own)
         point, neighbour, self.base = convs[0]
@@ -190,12 +192,3 @@ class Decoder:
             size = part.shape[0] * part.shape[1]
             total += g[:, start : start + _ROWS].reshape(len(g), size) @ part.reshape(size, -1)
         return total
-
-
-def _arrays(conv: GraphConv) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Decoder-direction arrays: point (d', d), neighbour (d', d), bias (d)."""
-    return (
-        conv.point.detach().double().cpu().numpy(),
-        conv.neighbour.detach().double().cpu().numpy(),
-        conv.bias_back.detach().double().cpu().numpy(),
-    )

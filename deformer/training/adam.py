@@ -12,7 +12,7 @@ from torch import Tensor
 
 from deformer.geometry import FloatArray, Geodesics, IntArray
 from deformer.linalg import resolve_device
-from deformer.network import MeshAutoencoder, ModelConfig, losses
+from deformer.network import MeshAutoencoder, ModelConfig, NetworkWeights, losses
 from deformer.training.loop import (
     ProgressCallback,
     State,
@@ -116,11 +116,11 @@ class _Descent:
         self._optimiser.step()
         return terms
 
-    def network(self) -> MeshAutoencoder:
-        """The network of the least loss seen, where one batch tells it; else the newest."""
+    def weights(self) -> NetworkWeights:
+        """The weights of the least loss seen, where one batch tells it; else the newest."""
         if not self._stochastic:
             self._network.load_state_dict(self._best)
-        return self._network.cpu().eval()
+        return self._network.weights
 
     def _keep_if_best(self, loss: float, reconstruction: float) -> None:
         if loss < self.loss:
@@ -186,9 +186,9 @@ def fit(
         on_progress: called after every epoch.
 
     Returns:
-        The network (on the CPU): with the lowest loss seen where every step sees all shapes, else
+        The weights: with the lowest loss seen where every step sees all shapes, else
         the newest. Ctrl-C ends the training early, after the step under way; the checkpoint is
-        saved and the network so far returned.
+        saved and the weights so far returned.
     """
     target = resolve_device(device)
     torch.manual_seed(seed)
@@ -206,7 +206,7 @@ def fit(
         resume=resume,
         on_progress=on_progress,
     )
-    return TrainingResult(descent.network(), descent.loss, descent.reconstruction, *course)
+    return TrainingResult(descent.weights(), descent.loss, descent.reconstruction, *course)
 
 
 def _with_mixed(x: Tensor, mixer: _Mixer | None, count: int) -> Tensor:

@@ -17,8 +17,8 @@ from torch import Tensor
 
 from deformer.acap import FeatureScaler
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, Geodesics, IntArray
-from deformer.network import FEATURES, MeshAutoencoder, ModelConfig
+from deformer.geometry import FloatArray, Geodesics
+from deformer.network import FEATURES, ConvolutionWeights, ModelConfig, NetworkWeights
 from deformer.training.loop import (
     ProgressCallback,
     State,
@@ -39,8 +39,6 @@ _UNDEFORMED = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
 def factor(
     x: FloatArray,
     scaler: FeatureScaler,
-    indptr: IntArray,
-    rings: IntArray,
     geodesics: Geodesics,
     config: ModelConfig,
     *,
@@ -53,7 +51,6 @@ def factor(
     Args:
         x: (N, V, 9) scaled features of the training shapes.
         scaler: their scaling; the undeformed shape's features become the decoder's bias.
-        indptr, rings: one-rings of the reference.
         geodesics: distances over the reference, for Λ.
         config: `epochs` counts rounds of codes, centres and components; `sparsity` is λ₁ for data
             of unit variance.
@@ -62,8 +59,8 @@ def factor(
         on_progress: called after every round.
 
     Returns:
-        The network. Ctrl-C ends the training early, after the round under way; the checkpoint is
-        saved and the network so far returned.
+        The weights. Ctrl-C ends the training early, after the round under way; the checkpoint is
+        saved and the weights so far returned.
     """
     if config.sparsity is None:
         raise InputError("sparsity: expected a number, got None; `learning.train` chooses one")
@@ -82,8 +79,7 @@ def factor(
         on_progress=on_progress,
     )
     terms = problem.terms()
-    network = _network(problem, unit, bias, indptr, rings)
-    return TrainingResult(network, sum(terms), terms[0], *course)
+    return TrainingResult(_weights(problem, unit, bias), sum(terms), terms[0], *course)
 
 
 class _Rounds:
@@ -106,17 +102,10 @@ class _Rounds:
         self._problem.restore({name: tensor.numpy() for name, tensor in tensors.items()})
 
 
-def _network(
-    problem: Factorisation, unit: float, bias: FloatArray, indptr: IntArray, rings: IntArray
-) -> MeshAutoencoder:
-    """The autoencoder whose decoder is tanh(C z + bias)."""
-    K = len(problem.C)
-    network = MeshAutoencoder(indptr, rings, K, (FEATURES,))
-    (conv,) = network.layers
-    with torch.no_grad():
-        conv.point.copy_(torch.eye(FEATURES))
-        conv.neighbour.zero_()
-        conv.bias_back.copy_(torch.from_numpy(bias))
-        components = problem.C.reshape(K, -1, FEATURES).transpose(1, 2, 0) * unit
-        network.C.copy_(torch.from_numpy(np.ascontiguousarray(components)))
-    return network.eval()
+def _weights(problem: Factorisation, unit: float, bias: FloatArray) -> NetworkWeights:
+    """Weights of the autoencoder whose decoder is tanh(Cᵀ z + bias)."""
+    identity = np.eye(FEATURES, dtype=np.float32)
+    nothing = np.zeros_like(identity)
+    convolution = ConvolutionWeights(identity, nothing, nothing[0], bias.astype(np.float32))
+    components = problem.C.reshape(len(problem.C), -1, FEATURES).transpose(1, 2, 0) * unit
+    return NetworkWeights((convolution,), np.ascontiguousarray(components, dtype=np.float32))

@@ -12,7 +12,7 @@ import numpy as np
 from torch import Tensor
 
 from deformer.geometry import FloatArray
-from deformer.network import MeshAutoencoder, ModelConfig
+from deformer.network import ModelConfig, NetworkWeights
 from deformer.training.checkpoints import load_checkpoint, save_checkpoint
 from deformer.training.interrupts import DeferredInterrupt
 
@@ -45,9 +45,9 @@ ProgressCallback = Callable[[TrainingProgress], None]
 
 @dataclass(frozen=True)
 class TrainingResult:
-    """The trained network and how it came about."""
+    """The weights of the trained network and how it came about."""
 
-    network: MeshAutoencoder
+    weights: NetworkWeights
     loss: float
     reconstruction: float
     epochs: int

@@ -18,12 +18,11 @@ from deformer.linalg import resolve_device
 from deformer.model import (
     DeformationModel,
     choose_marks,
-    encode_features,
     fit_limits,
     fit_placement,
     fit_prior,
 )
-from deformer.network import Decoder, MeshAutoencoder, ModelConfig, resolve_config
+from deformer.network import Decoder, Encoder, ModelConfig, NetworkWeights, resolve_config
 from deformer.training.adam import fit
 from deformer.training.checkpoints import has_checkpoint
 from deformer.training.cross_validation import HandleFit, recoveries, recovery_errors
@@ -147,7 +146,7 @@ def train(
             result.reconstruction if np.isfinite(result.reconstruction) else None
         ),
     }
-    model = examples.model(result.network, settings, split, summary)
+    model = examples.model(result.weights, settings, split, summary)
     summary["train_e_rms"] = e_rms(chosen, model.decode(model.codes))
     if held_out is not None:
         if settings.align:
@@ -188,30 +187,29 @@ class _Examples:
     def learn(
         self, settings: ModelConfig, *, seed: int = 0, device: str = "cpu", **carried: Any
     ) -> TrainingResult:
-        """A network; see `factor` and `fit`."""
-        mesh = self.extractor.indptr, self.extractor.rings, self.geodesics
+        """The weights of a network; see `factor` and `fit`."""
         if settings.method == "factorisation":
-            result = factor(self.x, self.scaler, *mesh, settings, **carried)
+            result = factor(self.x, self.scaler, self.geodesics, settings, **carried)
         else:
+            mesh = self.extractor.indptr, self.extractor.rings, self.geodesics
             result = fit(self.x, *mesh, settings, seed=seed, device=device, **carried)
-        result.network.prune(settings.pruning)
-        return result
+        return replace(result, weights=result.weights.pruned(settings.pruning))
 
     def model(
         self,
-        network: MeshAutoencoder,
+        weights: NetworkWeights,
         settings: ModelConfig,
         split: dict[str, list[int]],
         summary: dict[str, Any],
     ) -> DeformationModel:
         """The model of a network, with the statistics of these shapes."""
         base, chosen = self.extractor.reference, self.shapes.vertices
-        decoder = Decoder(network, self.scaler, self.extractor.indptr, self.extractor.rings)
-        q = self.scaler.unscale(self.x)
-        codes = encode_features(settings, network, self.scaler, decoder, q)
+        network = weights, self.scaler, self.extractor.indptr, self.extractor.rings
+        encoder = Encoder(*network, Decoder(*network) if settings.projects else None)
+        codes = encoder.encode(self.scaler.unscale(self.x))
         every, codes, images = codes, codes[: len(chosen)], codes[len(chosen) :]
         prior = fit_prior(codes, images if len(images) else None)
-        model = DeformationModel(base, settings, self.scaler, network, codes, prior, split, summary)
+        model = DeformationModel(base, settings, self.scaler, weights, codes, prior, split, summary)
         marks, pairs = self.marks
         limits = fit_limits(model.decoder_at(marks), pairs, prior.mean, every)
         decoded = model.decode(codes)
@@ -248,7 +246,7 @@ def _calibrated(
             result = some.learn(trial, on_progress=report)
             if result.interrupted:
                 raise KeyboardInterrupt
-            solver = HandleSolver(some.model(result.network, trial, {}, {}))
+            solver = HandleSolver(some.model(result.weights, trial, {}, {}))
 
             def fit(
                 index: IntArray, targets: FloatArray, noises: Sequence[float]

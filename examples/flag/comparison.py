@@ -79,7 +79,7 @@ class NetworkComponents:
 
     def support(self, component: int) -> NDArray:
         """Size (V,) of a component's weights at every vertex, the largest 1."""
-        weights = self._model.network.C[:, :, component].detach().double().numpy()
+        weights = self._model.weights.C[:, :, component].astype(np.float64)
         return _relative(np.linalg.norm(weights, axis=1))
 
 

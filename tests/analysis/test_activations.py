@@ -29,7 +29,7 @@ def test_components_are_in_order_of_strength(activations):
 
 
 def test_support_is_where_the_weights_are(model, activations):
-    C = model.network.C.detach().numpy()
+    C = model.weights.C
     for k in range(model.components):
         support = activations.support(k)
         assert support.max() == pytest.approx(1.0)

@@ -35,7 +35,7 @@ class Case:
         self.goals += 0.03 * self.unit * rng.normal(size=self.goals.shape)
 
     def both(self):
-        return NumbaFrames(self.basis), TorchFrames(self.basis, "torch")
+        return NumbaFrames(self.basis), TorchFrames(self.basis, "cpu")
 
     def shapes(self, frames, held, rounds):
         out = np.full_like(self.free, np.nan)

@@ -52,7 +52,7 @@ def untrained(mesh, layers, components=4, size=0.3, turn=2.0):
     codes = np.random.default_rng(0).normal(size=(12, components))
     config = ModelConfig(name="random", components=components, layers=layers)
     scaler = FeatureScaler(-turn, turn, -0.3, 1.8)
-    return DeformationModel(mesh, config, scaler, network, codes, fit_prior(codes), {})
+    return DeformationModel(mesh, config, scaler, network.weights, codes, fit_prior(codes), {})
 
 
 def gradients(model, z):
@@ -60,7 +60,7 @@ def gradients(model, z):
     indptr, rings = one_rings(model.reference.faces, len(model.reference.vertices))
     V, degree = len(indptr) - 1, np.diff(indptr)
     mean = sparse.csr_array((1.0 / np.repeat(degree, degree), rings, indptr), shape=(V, V))
-    weights = {name: w.double().numpy() for name, w in model.network.state_dict().items()}
+    weights = {name: w.astype(np.float64) for name, w in model.weights.arrays.items()}
     x = weights["C"] @ z
     for n in reversed(range(len(model.config.layers))):
         point, neighbour = weights[f"convs.{n}.point"], weights[f"convs.{n}.neighbour"]

@@ -353,11 +353,11 @@ def test_a_model_of_two_layers(truth, diagonal):
     for device in ("cpu", "auto"):
         fit = fit_sequence(model, HANDLES, goal[:, HANDLES], device=device)
         assert rms(fit.vertices - goal) < 0.005 * diagonal
-    with pytest.raises(InputError, match="several layers is fitted to sequences on the cpu only"):
-        fit_sequence(model, HANDLES, goal[:, HANDLES], device="torch")
+    with pytest.raises(InputError, match=r"several layers .* use the backend 'numba'"):
+        fit_sequence(model, HANDLES, goal[:, HANDLES], backend="torch")
 
 
-def test_devices_agree(model, diagonal, truth):
+def test_backends_agree(model, diagonal, truth):
     """Soft, hard, weighted, missing: torch's kernels do what those of all cores do."""
     rng = np.random.default_rng(9)
     goals = truth[:, HANDLES] + 0.003 * diagonal * rng.normal(size=(FRAMES, 10, 3))
@@ -371,7 +371,7 @@ def test_devices_agree(model, diagonal, truth):
     ]
     for case in cases:
         cpu = fit_sequence(model, HANDLES, goals, **case)
-        torch = fit_sequence(model, HANDLES, goals, device="torch", **case)
+        torch = fit_sequence(model, HANDLES, goals, backend="torch", **case)
         assert largest(torch.vertices - cpu.vertices) < 1e-4 * diagonal, case
         np.testing.assert_allclose(torch.residual, cpu.residual, atol=1e-4 * diagonal)
         assert torch.iterations == cpu.iterations
@@ -410,6 +410,8 @@ REFUSED = {
     "nan smoothness": ({"smoothness": np.nan}, "smoothness: .* got nan"),
     "noise": ({"noise": 0.0}, "noise: expected a positive number"),
     "device": ({"device": "abacus"}, "device: expected .* got 'abacus'"),
+    "backend": ({"backend": "abacus"}, "backend: expected numba or torch, got 'abacus'"),
+    "backend as a device": ({"device": "torch"}, "device: expected .* got 'torch'"),
 }
 
 

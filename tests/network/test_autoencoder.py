@@ -216,21 +216,3 @@ def test_impossible_configurations_are_refused(change):
 def test_unknown_preset_is_refused():
     with pytest.raises(InputError, match=r"paper.*'papers'"):
         resolve_config("papers")
-
-
-def test_pruning_ends_the_supports_and_keeps_the_rest():
-    mesh = tube()
-    network = MeshAutoencoder(*one_rings(mesh.faces, len(mesh.vertices)), 3, (9, 5))
-    network = randomised(network)
-    with torch.no_grad():
-        network.C[:, :, 0] = 0.0
-    before = network.C.detach().clone()
-    network.prune(0.0)
-    assert torch.equal(network.C, before)
-    network.prune(0.5)
-    strength, largest = before.norm(dim=1), before.norm(dim=1).amax(dim=0)
-    kept = strength >= 0.5 * largest
-    assert 0 < kept[:, 1:].sum() < kept[:, 1:].numel()
-    for k in range(3):
-        assert torch.equal(network.C[kept[:, k], :, k], before[kept[:, k], :, k])
-        assert not network.C[~kept[:, k], :, k].any()

@@ -28,7 +28,7 @@ def build(mesh, layers, components=4):
             conv.bias_back.normal_()
         network.C.normal_()
         network.C *= 0.3
-    return network, Decoder(network, SCALER, *rings)
+    return network, Decoder(network.weights, SCALER, *rings)
 
 
 @CASES

@@ -16,6 +16,7 @@ from deformer.errors import InputError
 from deformer.geometry.geodesics import Geodesics
 from deformer.linalg.device import resolve_device
 from deformer.network import losses
+from deformer.network.autoencoder import MeshAutoencoder
 from deformer.network.config import PRESETS
 from deformer.training.adam import fit
 from shapes import sequence
@@ -40,13 +41,13 @@ def data():
 
 
 def weights(result):
-    return {name: value.clone() for name, value in result.network.state_dict().items()}
+    return result.weights.arrays
 
 
 def assert_same(one, other):
     assert one.keys() == other.keys()
     for name, value in one.items():
-        assert torch.equal(value, other[name]), name
+        np.testing.assert_array_equal(value, other[name], err_msg=name)
 
 
 class Stop:
@@ -81,15 +82,14 @@ def test_the_result_has_the_loss_that_it_says(data):
     result = fit(x, indptr, rings, geodesics, PAPER, device="cpu")
     batch = torch.tensor(np.swapaxes(x, 0, 1), dtype=torch.float32)
     with torch.no_grad():
-        estimate, z = result.network(batch)
-        locality = losses.Locality(geodesics, 0.2, 0.4).update(result.network.C)
+        network = MeshAutoencoder.from_weights(result.weights, indptr, rings)
+        estimate, z = network(batch)
+        locality = losses.Locality(geodesics, 0.2, 0.4).update(network.C)
         error = losses.reconstruction(batch, estimate).item()
-        loss = error + 0.5 * losses.sparsity(result.network.C, locality).item()
+        loss = error + 0.5 * losses.sparsity(network.C, locality).item()
         loss += 0.5 * losses.latent_range(z, 5.0).item()
     assert result.reconstruction == pytest.approx(error, rel=1e-4)
     assert result.loss == pytest.approx(loss, rel=1e-4)
-    assert not result.network.training
-    assert next(result.network.parameters()).device.type == "cpu"
 
 
 @CONFIGS
@@ -99,7 +99,7 @@ def test_the_same_seed_gives_the_same_weights(data, config):
     torch.manual_seed(99)  # what others did with torch's global generator does not matter
     assert_same(weights(fit(*data, config, seed=3, device="cpu")), first)
     other = weights(fit(*data, config, seed=4, device="cpu"))
-    assert not torch.equal(other["C"], first["C"])
+    assert not np.array_equal(other["C"], first["C"])
 
 
 def test_mixed_shapes_change_the_result(data):

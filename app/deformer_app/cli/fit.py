@@ -70,6 +70,7 @@ def sequence(
     hard: bool,
     smoothness: float,
     device: str,
+    backend: str | None,
     progress: Callable[[int, int], None],
 ) -> tuple[NDArray, dict[str, Any]]:
     """Vertices (F, V, 3) for all frames' handles, and the record of how it went, with `frames`."""
@@ -83,6 +84,7 @@ def sequence(
         hard=hard,
         smoothness=smoothness,
         device=device,
+        backend=backend,
         on_progress=progress,
     )
     milliseconds = 1000.0 * (time.perf_counter() - begun)

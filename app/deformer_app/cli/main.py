@@ -247,6 +247,12 @@ def fit(
         typer.Option(min=0, help="Of sequences: weight of accelerations; 0 fits frame by frame."),
     ] = 10.0,
     device: Annotated[str, typer.Option(help="Of sequences: cpu, cuda, mps or auto.")] = "cpu",
+    backend: Annotated[
+        str | None,
+        typer.Option(
+            help="Of sequences: numba or torch.  [default: numba on the CPU, torch elsewhere]"
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Pose a model by handles: where a few of its vertices should be.
@@ -275,6 +281,7 @@ def fit(
                 hard=hard,
                 smoothness=smoothness,
                 device=device,
+                backend=backend,
                 progress=report,
             )
     else:

@@ -159,7 +159,7 @@ def test_fit_of_a_sequence(run_json, model_path, tmp_path, output, hard):
     assert result["prior_distance"] == max(frame["prior_distance"] for frame in result["frames"])
 
 
-def test_fit_of_a_sequence_takes_smoothness_weights_and_a_device(run_json, model_path, tmp_path):
+def test_fit_of_a_sequence_passes_its_options_on(run_json, model_path, tmp_path):
     """What the command writes is what `fit_sequence` finds."""
     model = deformer.load_model(model_path)
     rng = np.random.default_rng(0)
@@ -183,8 +183,8 @@ def test_fit_of_a_sequence_takes_smoothness_weights_and_a_device(run_json, model
         expected = deformer.fit_sequence(
             model, vertices, targets, weights=weights, smoothness=smoothness
         )
-        for device in ("cpu", "auto"):
-            options = ["--smoothness", smoothness, "--device", device]
+        for where in (["--device", "cpu"], ["--device", "auto"], ["--backend", "torch"]):
+            options = ["--smoothness", smoothness, *where]
             result = run_json("fit", model_path, handles, "-o", tmp_path / "poses.npz", *options)
             found = deformer.load_shapes(tmp_path / "poses.npz").vertices
             assert abs(found - expected.vertices).max() < 1e-3
@@ -289,6 +289,7 @@ def test_mistakes_are_one_line(refuse, shapes_path, model_path, tmp_path):
     assert "--smoothness" in refuse("fit", model_path, many, "-o", poses, "--smoothness", "-1")
     assert "smoothness" in refuse("fit", model_path, many, "-o", poses, "--smoothness", "nan")
     assert "abacus" in refuse("fit", model_path, many, "-o", poses, "--device", "abacus")
+    assert "numba or torch" in refuse("fit", model_path, many, "-o", poses, "--backend", "abacus")
     assert not poses.exists()
     assert "no such directory" in refuse("fit", model_path, good, "-o", nowhere / "pose.ply")
     assert "broken.json" in refuse("train", shapes_path, "-o", nowhere, "--split", broken)

@@ -1,0 +1,50 @@
+"""Truths of the encoder in numpy: it is the network's, or the projection that it was given."""
+
+import numpy as np
+import pytest
+import torch
+
+from deformer.acap.features import FeatureScaler
+from deformer.geometry.mesh import one_rings
+from deformer.network.autoencoder import MeshAutoencoder
+from deformer.network.decoder import Decoder
+from deformer.network.encoder import Encoder
+from shapes import awkward, tube
+
+SCALER = FeatureScaler(-1.5, 2.0, -0.3, 1.8)
+
+
+def build(mesh, layers, components=4):
+    """A network with biases, and scaled features of 19 shapes (V, 19, 9): more than a batch."""
+    rings = one_rings(mesh.faces, len(mesh.vertices))
+    torch.manual_seed(0)
+    network = MeshAutoencoder(*rings, components, layers)
+    with torch.no_grad():
+        for conv in network.convs:
+            conv.bias.normal_()
+        network.C.normal_()
+    x = np.random.default_rng(0).uniform(-0.95, 0.95, size=(len(mesh.vertices), 19, 9))
+    return network, rings, x
+
+
+@pytest.mark.parametrize(
+    ("mesh", "layers"),
+    [(tube(), (9,)), (awkward(), (6,)), (tube(), (7, 5)), (awkward(), (6, 5, 4))],
+    ids=["one layer", "one narrow layer", "two layers", "three layers"],
+)
+def test_codes_are_those_of_the_network(mesh, layers):
+    network, rings, x = build(mesh, layers)
+    q = SCALER.unscale(np.swapaxes(x, 0, 1))
+    codes = Encoder(network.weights, SCALER, *rings).encode(q)
+    assert codes.shape == (19, 4) and codes.dtype == np.float64
+    with torch.no_grad():
+        expected = network.double().encode(torch.tensor(x)).numpy()
+    np.testing.assert_allclose(codes, expected, atol=2e-6 * np.abs(expected).max())
+
+
+def test_a_projection_takes_the_place_of_the_network():
+    network, rings, x = build(tube(), (9,))
+    q = SCALER.unscale(np.swapaxes(x, 0, 1))[:3]
+    decoder = Decoder(network.weights, SCALER, *rings)
+    codes = Encoder(network.weights, SCALER, *rings, decoder).encode(q)
+    np.testing.assert_array_equal(codes, [decoder.project(features) for features in q])
