@@ -137,7 +137,9 @@ class ReferenceSolver:
         np.add.at(self._targets, place, factors[:, None] * self._asked_targets)
         self._targets /= self._weights[:, None]
         V = len(self.model.reference.vertices)
-        self._arms = np.array([self._arm(h) for h in self._vertices]).reshape(-1, 3 * V)
+        self._coefficients = np.array([self._coefficients_of(h) for h in self._vertices]).reshape(
+            -1, 3 * V
+        )
         self._rest = np.delete(np.arange(V), self._exact)
         self._rest_factor = None
         if 0 < len(self._exact) < V:
@@ -241,7 +243,7 @@ class ReferenceSolver:
         p[1:] = self._factor.solve(b[1:])
         return p - p.mean(axis=0)
 
-    def _arm(self, vertex: int) -> Array:
+    def _coefficients_of(self, vertex: int) -> Array:
         """Adjoint weights (3V,) of a vertex: p_h = Σ_i T_i a_i for the centred free solution.
 
         p_h = gᵀ b with L g = e_h − 1/V, and b = Σ_x B_x T_x, so that a_x = B_xᵀ g.
@@ -254,7 +256,7 @@ class ReferenceSolver:
     def _misfit(self, x: Tensor) -> Tensor:
         """Weighted differences (n, H, 3) from targets to handles, of unknowns (n, K + 6)."""
         T = self._gradients(self._codes(x))
-        p = (T.transpose(1, 2).flatten(2) @ torch.from_numpy(self._arms).T).transpose(1, 2)
+        p = (T.transpose(1, 2).flatten(2) @ torch.from_numpy(self._coefficients).T).transpose(1, 2)
         p = p + self._standing(self._codes(x))[:, None]
         offset = torch.tensor(self._centroid) + self._diagonal * x[:, None, -3:]
         moved = p @ _exp(x[:, -6:-3]).transpose(1, 2) + offset

@@ -9,10 +9,10 @@ from .features import (
     vertex_normals as vertex_normals,
 )
 from .jacobians import (
-    arm_jacobian as arm_jacobian,
-    arm_positions as arm_positions,
-    arm_sensitivities as arm_sensitivities,
     gradient_tangents as gradient_tangents,
+    position_jacobian as position_jacobian,
+    position_sensitivities as position_sensitivities,
+    positions_from_features as positions_from_features,
 )
 from .poisson import (
     PoissonSystem as PoissonSystem,

@@ -287,10 +287,10 @@ def _divergence(v: FloatArray, weights: sparse.csr_array) -> sparse.csr_array:
     """Matrix (V, 3V) of b(T): b_i = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j) = (D columns(T))_i."""
     V = len(v)
     rows = np.repeat(np.arange(V), np.diff(weights.indptr))
-    arms = 0.5 * weights.data[:, None] * (v[rows] - v[weights.indices])
+    edges = 0.5 * weights.data[:, None] * (v[rows] - v[weights.indices])
     own = np.zeros((V, 3))
-    np.add.at(own, rows, arms)
-    data = np.concatenate([arms, own])
+    np.add.at(own, rows, edges)
+    data = np.concatenate([edges, own])
     row = np.concatenate([rows, np.arange(V)])
     column = np.concatenate([weights.indices, np.arange(V)])
     return sparse.csr_array(

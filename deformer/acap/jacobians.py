@@ -1,8 +1,8 @@
 """T = exp(r) S and its derivatives, contracted with what stands on either side of it.
 
-Handle positions are linear in the deformation gradients, p_h = Σ_i T_i a_h,i (the arms a of
-`PoissonSystem.arms`), so positions and their gradients with respect to the features come out of
-one pass over the vertices, without a linear solve.
+Handle positions are linear in the deformation gradients, p_h = Σ_i T_i a_h,i with the coefficients
+a of `PoissonSystem.position_coefficients`. Positions and their gradients with respect to the
+features therefore need one pass over the vertices and no linear solve.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _ENTRY = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _sensitivities(q, arms, g):
+def _sensitivities(q, coefficients, g):
     """g[3h + d, 9i + m] = ∂p_h,d / ∂q_i,m."""
     R = np.empty((3, 3))
     J = np.empty((3, 3))
@@ -30,8 +30,8 @@ def _sensitivities(q, arms, g):
         exp_(q[i, :3], R)
         right_jacobian_(q[i, :3], J)
         s = q[i, 3:]
-        for h in range(len(arms)):
-            a0, a1, a2 = arms[h, i]
+        for h in range(len(coefficients)):
+            a0, a1, a2 = coefficients[h, i]
             y0 = s[0] * a0 + s[1] * a1 + s[2] * a2
             y1 = s[1] * a0 + s[3] * a1 + s[4] * a2
             y2 = s[2] * a0 + s[4] * a1 + s[5] * a2
@@ -125,38 +125,40 @@ def _tangents(q, dq, dT):
                     dT[k, i, a, b] = R[a, 0] * D[0, b] + R[a, 1] * D[1, b] + R[a, 2] * D[2, b]
 
 
-def arm_positions(q: FloatArray, arms: FloatArray) -> FloatArray:
-    """Sums Σ_i T_i(q_i) a_h,i (H, 3) for features q (V, 9) and arms (H, V, 3)."""
+def positions_from_features(q: FloatArray, coefficients: FloatArray) -> FloatArray:
+    """Sums Σ_i T_i(q_i) a_h,i (H, 3) for features q (V, 9) and coefficients (H, V, 3)."""
     T = features_to_gradients(q).transpose(0, 2, 1).reshape(-1, 3)
-    return arms.reshape(len(arms), len(T)) @ T
+    return coefficients.reshape(len(coefficients), len(T)) @ T
 
 
-def arm_sensitivities(q: FloatArray, arms: FloatArray) -> FloatArray:
-    """Gradient (H, 3, V, 9) of `arm_positions` with respect to the features q (V, 9)."""
-    g = np.empty((3 * len(arms), 9 * len(q)))
-    _sensitivities(np.ascontiguousarray(q), arms, g)
-    return g.reshape(len(arms), 3, len(q), 9)
+def position_sensitivities(q: FloatArray, coefficients: FloatArray) -> FloatArray:
+    """Gradient (H, 3, V, 9) of `positions_from_features` with respect to the features q (V, 9)."""
+    g = np.empty((3 * len(coefficients), 9 * len(q)))
+    _sensitivities(np.ascontiguousarray(q), coefficients, g)
+    return g.reshape(len(coefficients), 3, len(q), 9)
 
 
-def arm_jacobian(q: FloatArray, slope: FloatArray, matrix: NDArray, arms: NDArray) -> FloatArray:
+def position_jacobian(
+    q: FloatArray, slope: FloatArray, matrix: NDArray, coefficients: NDArray
+) -> FloatArray:
     """Derivative (H, 3, K) of Σ_i T_i(z) a_h,i where features are q_i = f(M_i z + base).
 
     Args:
         q: (n, 9) features.
         slope: (n, 9) derivative of f there.
         matrix: M (n, 9, K), single precision.
-        arms: (H, n, 3), single precision.
+        coefficients: (H, n, 3), single precision.
     """
     n, _, K = matrix.shape
-    J = np.zeros((len(arms), 3 * K))
+    J = np.zeros((len(coefficients), 3 * K))
     for start in range(0, n, _PORTION):
         part = slice(start, min(start + _PORTION, n))
         size = part.stop - start
         tangents = scratch("tangents", (3 * size, 3 * K))
         layer = q[part], slope[part], matrix[part]
         over_ranges(_decoder_tangents, size, *layer, tangents)
-        J += arms[:, part].reshape(len(arms), 3 * size) @ tangents
-    return J.reshape(len(arms), 3, K)
+        J += coefficients[:, part].reshape(len(coefficients), 3 * size) @ tangents
+    return J.reshape(len(coefficients), 3, K)
 
 
 def gradient_tangents(q: FloatArray, dq: FloatArray) -> FloatArray:

@@ -53,7 +53,7 @@ def _rhs(start, stop, indptr, rings, c, v, T, b):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _arms(start, stop, indptr, rings, c, v, green, out):
+def _coefficients(start, stop, indptr, rings, c, v, green, out):
     """a_i = ½ Σ_j c_ij (G_i − G_j)(v_i − v_j), so that G·b(T) = Σ_i T_i a_i."""
     for i in range(start, stop):
         x = y = z = 0.0
@@ -203,12 +203,12 @@ class PoissonSystem:
         unit[index, np.arange(len(index))] = 1.0
         return np.ascontiguousarray(green - self.tensed.solve(unit).T)
 
-    def arms(self, green: FloatArray) -> FloatArray:
-        """Arms (H, V, 3) of Green rows (H, V): G_h · b(T) = Σ_i T_i arm_h,i, without a solve."""
+    def position_coefficients(self, green: FloatArray) -> FloatArray:
+        """Coefficients a (H, V, 3) with G_h · b(T) = Σ_i T_i a_h,i, of Green rows G (H, V)."""
         out = np.empty((*green.shape, 3))
-        for row, arm in zip(green, out, strict=True):
+        for row, coefficient in zip(green, out, strict=True):
             mesh = self.indptr, self.rings, self.c, self.reference.vertices
-            over_ranges(_arms, len(row), *mesh, row, arm)
+            over_ranges(_coefficients, len(row), *mesh, row, coefficient)
         return out
 
 

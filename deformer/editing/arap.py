@@ -17,7 +17,7 @@ from scipy import sparse
 from deformer.acap import PoissonSystem
 from deformer.editing.kernels import (
     LANES,
-    arms_by_block,
+    coefficients_by_block,
     decode_and_emit,
     emit,
     local,
@@ -57,8 +57,8 @@ def _ordered_mesh(system: PoissonSystem) -> tuple[IntArray, NDArray, NDArray, ND
     v = system.reference.vertices[order] / system.reference.bounding_diagonal
     rows = np.repeat(np.arange(len(v)), np.diff(weights.indptr))
     halves = 0.5 * weights.data
-    arms = halves[:, None] * (v[rows] - v[weights.indices])
-    return weights.indptr.astype(np.int64), weights.indices.astype(np.int32), halves, arms
+    edges = halves[:, None] * (v[rows] - v[weights.indices])
+    return weights.indptr.astype(np.int64), weights.indices.astype(np.int32), halves, edges
 
 
 class Surface:
@@ -89,12 +89,12 @@ class Surface:
         )
         # Bounding diagonals are the unit of length: single precision has its range, too.
         self._unit = system.reference.bounding_diagonal
-        self._indptr, self._rings, halves, arms = _ordered_mesh(system)
+        self._indptr, self._rings, halves, edges = _ordered_mesh(system)
         self._halves = halves.astype(np.float32)
         rows = np.repeat(np.arange(V), np.diff(self._indptr))
-        own = [np.bincount(rows, arms[:, d], V) for d in range(3)]
+        own = [np.bincount(rows, edges[:, d], V) for d in range(3)]
         self._own = np.column_stack(own).astype(np.float32).ravel()
-        self._mesh_arms = arms.astype(np.float32).ravel()
+        self._weighted_edges = edges.astype(np.float32).ravel()
         self._pack(decoder)
         self._T = np.zeros(9 * len(self._padded), dtype=np.float32)
         self._x = np.zeros((V, 3), dtype=np.float32)
@@ -103,7 +103,7 @@ class Surface:
         self._unturned()
         self._relaxing: list[Future[None]] = []
         self._handles: IntArray = np.empty(0, dtype=np.int64)
-        self._arms = np.empty((self._blocks, 0, 3 * LANES), dtype=np.float32)
+        self._coefficients = np.empty((self._blocks, 0, 3 * LANES), dtype=np.float32)
         self._exact: IntArray = np.empty(0, dtype=np.int64)
         self._green = np.empty((0, V), dtype=np.float32)
         self._exact_inverse = np.zeros((1, 1))
@@ -141,17 +141,24 @@ class Surface:
         self._components = np.concatenate(components)
         self._slices = np.concatenate([[0], np.cumsum(np.concatenate(counts))])
 
-    def block_arms(self, arm: FloatArray) -> NDArray:
-        """Arms (V, 3) of one handle, `PoissonSystem.arms`, as `take_handles` wants them."""
+    def block_coefficients(self, coefficients: FloatArray) -> NDArray:
+        """`PoissonSystem.position_coefficients` (V, 3) of one handle, by blocks (·, 48) float32."""
         blocks = np.empty((self._blocks, 3 * LANES), dtype=np.float32)
-        over_ranges(arms_by_block, self._blocks, self._factor.order, arm, 1.0 / self._unit, blocks)
+        over_ranges(
+            coefficients_by_block,
+            self._blocks,
+            self._factor.order,
+            coefficients,
+            1.0 / self._unit,
+            blocks,
+        )
         return blocks
 
     def take_handles(self, vertices: IntArray, blocked: list[NDArray]) -> None:
-        """The handles (H,) whose positions `decode` is to tell, by `block_arms`."""
-        self._arms = _with_room(self._arms, 1, len(vertices), len(self._handles))
+        """The handles (H,) whose positions `decode` is to tell, by `block_coefficients`."""
+        self._coefficients = _with_room(self._coefficients, 1, len(vertices), len(self._handles))
         for h in _changed(self._handles, vertices):
-            self._arms[:, h] = blocked[h]
+            self._coefficients[:, h] = blocked[h]
         self._handles = vertices
 
     def take_exact(self, vertices: IntArray, rows: list[NDArray], block: FloatArray) -> None:
@@ -201,7 +208,7 @@ class Surface:
         self._rested = False
         pieces = ranges(self._blocks, _SHARE)
         sums = np.zeros((len(pieces), 48 * len(self._handles)))
-        frame = self._arms.ravel(), self._T
+        frame = self._coefficients.ravel(), self._T
         if self._decoder.pointwise:
             code = z.astype(np.float32)
             layer = self._slices, self._components, self._scale, self._matrix
@@ -224,7 +231,7 @@ class Surface:
                 turned_rhs, len(b) // 3, *mesh, self._halves, self._rest.ravel(), self._R, b
             )
         else:
-            over_ranges(rhs, len(b) // 3, *mesh, self._mesh_arms, self._own, self._T, b)
+            over_ranges(rhs, len(b) // 3, *mesh, self._weighted_edges, self._own, self._T, b)
 
     def solve(self) -> None:
         """Positions from the gradients and rotations, up to a translation."""
@@ -283,9 +290,9 @@ class Surface:
 
     @property
     def bytes_of_a_frame(self) -> int:
-        """Bytes that one frame cannot do without: matrix, arms, mesh, factor, result."""
-        arrays = [self._arms[:, : len(self._handles)], self._green[: len(self._exact)]]
-        arrays += [self._rings, self._mesh_arms, self._own, self._T]
+        """Bytes that one frame cannot do without: matrix, coefficients, mesh, factor, result."""
+        arrays = [self._coefficients[:, : len(self._handles)], self._green[: len(self._exact)]]
+        arrays += [self._rings, self._weighted_edges, self._own, self._T]
         if len(self._exact):
             arrays += [self._rings, self._halves, self._rest, self._R, self._turn]
         if self._decoder.pointwise:

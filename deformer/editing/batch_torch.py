@@ -42,9 +42,9 @@ class TorchFrames:
         self._unit = model.reference.bounding_diagonal
         self._all = _Decoder(model.decoder, self._device)
         self._landmarks = _Decoder(basis.landmark_decoder, self._device)
-        self._landmark_arms = self._tensor(basis.landmark_arms)
-        arms = model.poisson.arms(basis.green(basis.vertices))
-        self._arms = self._tensor(arms.reshape(len(arms), 3 * V))
+        self._landmark_coefficients = self._tensor(basis.landmark_coefficients)
+        coefficients = model.poisson.position_coefficients(basis.green(basis.vertices))
+        self._coefficients = self._tensor(coefficients.reshape(len(coefficients), 3 * V))
         system = model.poisson
         rows = np.repeat(np.arange(V), np.diff(system.indptr))
         v = model.reference.vertices / self._unit
@@ -64,34 +64,36 @@ class TorchFrames:
 
     def by_landmarks(self, z: FloatArray) -> FloatArray:
         """Handle positions (m, H, 3) by landmarks, relative to the shape's centroid."""
-        S = self._landmark_arms.shape[1]
+        S = self._landmark_coefficients.shape[1]
         parts = []
         for part in self._batches(len(z), S):
             T = _gradients(self._landmarks(self._tensor(z[part])))
-            parts.append(torch.einsum("msab,hsb->mha", T, self._landmark_arms))
+            parts.append(torch.einsum("msab,hsb->mha", T, self._landmark_coefficients))
         return _numpy(torch.cat(parts))
 
     def jacobians(self, z: FloatArray) -> FloatArray:
         """Their derivatives (m, H, 3, K)."""
-        arms = self._landmark_arms
-        (H, S, _), K = arms.shape, z.shape[1]
+        coefficients = self._landmark_coefficients
+        (H, S, _), K = coefficients.shape, z.shape[1]
         out = np.empty((len(z), H, 3, K))
-        for part in self._batches(len(z), S, 27 * max(1, len(arms))):
+        for part in self._batches(len(z), S, 27 * max(1, len(coefficients))):
             q, slope = self._landmarks.with_slope(self._tensor(z[part]))
             # ∂T/∂q (m, S, 3, 3, 9) times the slope and the rows of the decoder's matrix.
             dT = _gradient_derivatives(q) * slope[:, :, None, None]
-            by_arm = torch.einsum("msabc,hsb->mhasc", dT, arms)
-            J = by_arm.reshape(len(q), 3 * H, 9 * S) @ self._landmarks.matrix.reshape(9 * S, K)
+            by_coefficient = torch.einsum("msabc,hsb->mhasc", dT, coefficients)
+            J = by_coefficient.reshape(len(q), 3 * H, 9 * S) @ self._landmarks.matrix.reshape(
+                9 * S, K
+            )
             out[part] = _numpy(J).reshape(len(q), H, 3, K)
         return out
 
     def by_all(self, z: FloatArray) -> FloatArray:
         """Handle positions (m, H, 3) by all vertices."""
         parts = []
-        for part in self._batches(len(z), self._arms.shape[1] // 3):
+        for part in self._batches(len(z), self._coefficients.shape[1] // 3):
             T = _gradients(self._all(self._tensor(z[part])))
             columns = T.transpose(2, 3).reshape(len(T), -1, 3)
-            parts.append(self._arms @ columns)
+            parts.append(self._coefficients @ columns)
         return _numpy(torch.cat(parts))
 
     def shapes(

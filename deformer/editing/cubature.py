@@ -2,7 +2,8 @@
 
 Deformation gradients vary smoothly and together, so vertices are grouped by how they react to the
 latent code. Within a group all take the gradient of one landmark, and a handle's position
-Σ_i T_i a_h,i becomes a short sum over landmarks with the arms of each group added up. What that
+Σ_i T_i a_h,i becomes a short sum over landmarks with the coefficients of each group
+added up. What that
 leaves out is measured exactly at the current code and carried along as an offset.
 """
 
@@ -96,6 +97,6 @@ class Grouping:
         self.count = count
         self._sum = sparse.csr_array((np.ones(V), (labels, np.arange(V))), shape=(count, V))
 
-    def arms(self, arms: FloatArray) -> FloatArray:
-        """Arms (H, V, 3) of vertices to arms (H, S, 3) of landmarks."""
-        return np.array([self._sum @ arm for arm in arms]).reshape(len(arms), -1, 3)
+    def sums(self, coefficients: FloatArray) -> FloatArray:
+        """Coefficients (H, V, 3) of vertices to coefficients (H, S, 3) of landmarks."""
+        return np.array([self._sum @ a for a in coefficients]).reshape(len(coefficients), -1, 3)

@@ -1,4 +1,4 @@
-"""What a model's handles stand on: Green rows, arms, landmarks, and the surface of a frame.
+"""What a model's handles stand on: Green rows, coefficients, landmarks, and the surface of a frame.
 
 All is made once a model, or once a handle vertex; nothing depends on targets.
 """
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from deformer.editing.arap import Surface
 from deformer.editing.cubature import Grouping, choose_landmarks
-from deformer.editing.handle_kernels import PackedDecoder, PackedHandles
-from deformer.editing.handle_positions import ArmHandles, Handles
+from deformer.editing.handle_kernels import BlockDecoder, BlockHandlePositions
+from deformer.editing.handle_positions import DenseHandlePositions, Handles
 from deformer.geometry import FloatArray, IntArray
 from deformer.model import DeformationModel
 
@@ -27,13 +27,13 @@ class _Kept:
 
     Args:
         green: (V,) Green row.
-        landmark_arms: (S, 3).
-        blocked_arms: as `Surface.block_arms` gives them.
+        landmark_coefficients: (S, 3).
+        block_coefficients: as `Surface.block_coefficients` gives them.
     """
 
     green: FloatArray
-    landmark_arms: FloatArray
-    blocked_arms: NDArray
+    landmark_coefficients: FloatArray
+    block_coefficients: NDArray
 
 
 class HandleBasis:
@@ -58,14 +58,14 @@ class HandleBasis:
         self._grouping = Grouping(labels, len(marks))
         self.landmark_decoder = model.decoder_at(marks)
         pointwise = self.landmark_decoder.pointwise
-        self._packed = PackedDecoder(self.landmark_decoder) if pointwise else None
+        self._packed = BlockDecoder(self.landmark_decoder) if pointwise else None
         self._kept: dict[int, _Kept] = {}
         # Bending rows of the vertices that were held, and the same as `Surface.ordered` has them.
         self._held: dict[int, tuple[FloatArray, NDArray]] = {}
         self.vertices: IntArray = np.empty(0, dtype=np.int64)
-        self._by_all: ArmHandles | None = None
+        self._by_all: DenseHandlePositions | None = None
         self._by_landmarks: Handles | None = None
-        self.landmark_arms = np.empty((0, len(marks), 3))
+        self.landmark_coefficients = np.empty((0, len(marks), 3))
 
     def take(self, vertices: list[int]) -> None:
         """Make `vertices` (H,), all different, the handles; what is kept of them is used again.
@@ -75,11 +75,11 @@ class HandleBasis:
         poisson = self.model.poisson
         new = [v for v in vertices if v not in self._kept]
         for vertex, row in zip(new, poisson.green_rows(new), strict=True):
-            arms = poisson.arms(row[None])
+            coefficients = poisson.position_coefficients(row[None])
             self._kept[vertex] = _Kept(
                 row,
-                self._grouping.arms(arms)[0],
-                self.surface.block_arms(arms[0]),
+                self._grouping.sums(coefficients)[0],
+                self.surface.block_coefficients(coefficients[0]),
             )
         for gone in set(self._kept) - set(vertices):
             del self._kept[gone]
@@ -87,9 +87,9 @@ class HandleBasis:
         self.vertices = np.array(vertices, dtype=np.int64)
         self._by_all = self._by_landmarks = None
         kept = [self._kept[v] for v in vertices]
-        by_landmark = np.array([entry.landmark_arms for entry in kept])
-        self.landmark_arms = by_landmark.reshape(len(kept), self._grouping.count, 3)
-        self.surface.take_handles(self.vertices, [entry.blocked_arms for entry in kept])
+        by_landmark = np.array([entry.landmark_coefficients for entry in kept])
+        self.landmark_coefficients = by_landmark.reshape(len(kept), self._grouping.count, 3)
+        self.surface.take_handles(self.vertices, [entry.block_coefficients for entry in kept])
 
     def green(self, vertices: IntArray) -> FloatArray:
         """Green rows (n, V) of handle vertices (n,)."""
@@ -115,14 +115,16 @@ class HandleBasis:
         """Positions of the handles by landmarks: fast, and off by what they leave out."""
         if self._by_landmarks is None:
             if self._packed is None:
-                self._by_landmarks = ArmHandles(self.landmark_decoder, self.landmark_arms, True)
+                self._by_landmarks = DenseHandlePositions(
+                    self.landmark_decoder, self.landmark_coefficients, True
+                )
             else:
-                self._by_landmarks = PackedHandles(self._packed, self.landmark_arms)
+                self._by_landmarks = BlockHandlePositions(self._packed, self.landmark_coefficients)
         return self._by_landmarks
 
-    def by_all(self) -> ArmHandles:
+    def by_all(self) -> DenseHandlePositions:
         """Positions of the handles by all vertices."""
         if self._by_all is None:
-            arms = self.model.poisson.arms(self.green(self.vertices))
-            self._by_all = ArmHandles(self.model.decoder, arms, fast=True)
+            coefficients = self.model.poisson.position_coefficients(self.green(self.vertices))
+            self._by_all = DenseHandlePositions(self.model.decoder, coefficients, fast=True)
         return self._by_all

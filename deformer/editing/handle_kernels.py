@@ -83,29 +83,29 @@ def _tangent(row, slope, R, C, t):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _move(t, arms, sums):
-    """sums (48 H,) += T a of 16 vertices for arms a (48 H,) of all handles, lane by lane."""
+def _move(t, coefficients, sums):
+    """sums (48 H,) += T a, vertex by vertex of a block, for coefficients a (48 H,)."""
     for o in range(0, len(sums), 48):
         for n in range(16):
-            x, y, z = arms[o + n], arms[o + 16 + n], arms[o + 32 + n]
+            x, y, z = coefficients[o + n], coefficients[o + 16 + n], coefficients[o + 32 + n]
             sums[o + n] += t[n] * x + t[16 + n] * y + t[32 + n] * z
             sums[o + 16 + n] += t[48 + n] * x + t[64 + n] * y + t[80 + n] * z
             sums[o + 32 + n] += t[96 + n] * x + t[112 + n] * y + t[128 + n] * z
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _positions(layer, arms, sums):
-    """sums (48 H,) = Σ T a over blocks, lane by lane, with arms (blocks, 48 H)."""
+def _positions(layer, coefficients, sums):
+    """sums (48 H,) = Σ T a over blocks, lane by lane, with coefficients (blocks, 48 H)."""
     q, t = np.empty((1, 144), dtype=np.float32), np.empty(144, dtype=np.float32)
-    for B in range(len(arms)):
+    for B in range(len(coefficients)):
         decode(B, B + 1, layer, q)
         gradients(q[0], t)
-        _move(t, arms[B], sums)
+        _move(t, coefficients[B], sums)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _derivative(start, stop, layer, columns, out):
-    """out[k] += ∂/∂z_k of the positions (3, H) by blocks of vertices, with arms (blocks, 48, H)."""
+    """out[k] += ∂/∂z_k of the positions (3, H) by blocks, with coefficients (blocks, 48, H)."""
     q = np.empty((1, 144), dtype=np.float32)
     T, R = np.empty(144, dtype=np.float32), np.empty(144, dtype=np.float32)
     slope, C = np.empty(144, dtype=np.float32), np.empty(432, dtype=np.float32)
@@ -133,7 +133,7 @@ def _derivative(start, stop, layer, columns, out):
                 target[a] += moved[3 * e + a]
 
 
-class PackedDecoder:
+class BlockDecoder:
     """The matrix of a one-layer decoder of n vertices by blocks, without components that are zero.
 
     Args:
@@ -162,39 +162,39 @@ class PackedDecoder:
         return *matrix, z.astype(np.float32), *self._affine
 
 
-class PackedHandles:
+class BlockHandlePositions:
     """Handle positions Σ_i T_i(z) a_h,i; see `objective.Handles`.
 
     Args:
         decoder: of n vertices.
-        arms: (H, n, 3).
+        coefficients: (H, n, 3).
     """
 
-    def __init__(self, decoder: PackedDecoder, arms: FloatArray) -> None:
-        """Copy the arms by blocks."""
-        H, n, _ = arms.shape
+    def __init__(self, decoder: BlockDecoder, coefficients: FloatArray) -> None:
+        """Copy the coefficients by blocks."""
+        H, n, _ = coefficients.shape
         self.decoder, self.count = decoder, H
-        # Vertices that fill up the last block have no arms.
+        # Vertices that fill up the last block have no coefficients.
         padded = np.zeros((decoder.blocks * LANES, H, 3), dtype=np.float32)
-        padded[:n] = arms.transpose(1, 0, 2)
+        padded[:n] = coefficients.transpose(1, 0, 2)
         by_block = padded.reshape(decoder.blocks, LANES, H, 3)
         # The same numbers for the lanes of `_move` and for a product of matrices.
-        self.arms = by_block.transpose(0, 2, 3, 1).reshape(decoder.blocks, 3 * LANES * H)
+        self.coefficients = by_block.transpose(0, 2, 3, 1).reshape(decoder.blocks, 3 * LANES * H)
         self.columns = by_block.transpose(0, 3, 1, 2).reshape(decoder.blocks, 3 * LANES, H)
 
-    def at(self, z: FloatArray) -> PackedEvaluation:
+    def at(self, z: FloatArray) -> BlockEvaluation:
         """Positions, and their derivative if it is asked for."""
-        return PackedEvaluation(self, z)
+        return BlockEvaluation(self, z)
 
 
-class PackedEvaluation:
-    """`PackedHandles` at one latent code."""
+class BlockEvaluation:
+    """`BlockHandlePositions` at one latent code."""
 
-    def __init__(self, handles: PackedHandles, z: FloatArray) -> None:
+    def __init__(self, handles: BlockHandlePositions, z: FloatArray) -> None:
         """Evaluate the positions (H, 3)."""
         self._handles, self._layer = handles, handles.decoder.layer(z)
-        sums = np.zeros(handles.arms.shape[1])
-        _positions(self._layer, handles.arms, sums)
+        sums = np.zeros(handles.coefficients.shape[1])
+        _positions(self._layer, handles.coefficients, sums)
         self.positions: FloatArray = sums.reshape(handles.count, 3, LANES).sum(axis=2)
 
     def derivative(self) -> FloatArray:

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from deformer.acap import arm_jacobian, arm_positions, arm_sensitivities
+from deformer.acap import position_jacobian, position_sensitivities, positions_from_features
 from deformer.geometry import FloatArray
 from deformer.network import Decoder
 
@@ -29,45 +29,47 @@ class Evaluation(Protocol):
         ...
 
 
-class ArmHandles:
+class DenseHandlePositions:
     """Handle positions Σ_i T_i(z) a_h,i over a decoder's vertices.
 
     Args:
         decoder: of n vertices.
-        arms: (H, n, 3).
+        coefficients: (H, n, 3).
         fast: work in single precision.
     """
 
-    def __init__(self, decoder: Decoder, arms: FloatArray, fast: bool = False) -> None:
-        """Take the arms."""
-        self.decoder, self.arms = decoder, arms
+    def __init__(self, decoder: Decoder, coefficients: FloatArray, fast: bool = False) -> None:
+        """Take the coefficients."""
+        self.decoder, self.coefficients = decoder, coefficients
         self.fast = fast
-        self.single_arms = arms.astype(np.float32)
+        self.single_coefficients = coefficients.astype(np.float32)
 
-    def at(self, z: FloatArray) -> ArmEvaluation:
+    def at(self, z: FloatArray) -> DenseEvaluation:
         """Positions, and their derivative if it is asked for."""
-        return ArmEvaluation(self, z)
+        return DenseEvaluation(self, z)
 
 
-class ArmEvaluation:
-    """`ArmHandles` at one latent code."""
+class DenseEvaluation:
+    """`DenseHandlePositions` at one latent code."""
 
-    def __init__(self, handles: ArmHandles, z: FloatArray) -> None:
+    def __init__(self, handles: DenseHandlePositions, z: FloatArray) -> None:
         """Evaluate the positions (H, 3)."""
         self._handles, self._z = handles, z
         decoder = handles.decoder
         self._q = decoder.single_features(z) if handles.fast else decoder.features(z)
-        self.positions = arm_positions(self._q, handles.arms)
+        self.positions = positions_from_features(self._q, handles.coefficients)
 
     def derivative(self) -> FloatArray:
         """Derivative (H, 3, K) of the positions with respect to the code."""
-        decoder, arms = self._handles.decoder, self._handles.arms
+        decoder, coefficients = self._handles.decoder, self._handles.coefficients
         if self._handles.fast and decoder.pointwise:
             slope = decoder.pointwise_slope(self._q)
-            return arm_jacobian(self._q, slope, decoder.matrix, self._handles.single_arms)
-        g = arm_sensitivities(self._q, arms)
+            return position_jacobian(
+                self._q, slope, decoder.matrix, self._handles.single_coefficients
+            )
+        g = position_sensitivities(self._q, coefficients)
         J = decoder.pull_back(self._z, g.reshape(-1, *g.shape[2:]))
-        return J.reshape(len(arms), 3, len(self._z))
+        return J.reshape(len(coefficients), 3, len(self._z))
 
 
 class CorrectedHandles:

@@ -83,31 +83,31 @@ def gradients(q, T):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def arms_by_block(start, stop, order, arm, scale, out):
-    """Blocks out (·, 48) of arms (V, 3) times scale; the last one is filled up with zeros."""
+def coefficients_by_block(start, stop, order, coefficients, scale, out):
+    """Blocks out (·, 48) of coefficients (V, 3) times scale; zeros fill up the last one."""
     for B in range(start, stop):
         for n in range(16):
             i = 16 * B + n
             for d in range(3):
-                out[B, 16 * d + n] = scale * arm[order[i], d] if i < len(order) else 0.0
+                out[B, 16 * d + n] = scale * coefficients[order[i], d] if i < len(order) else 0.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def emit(start, stop, q, arms, T, sums):
+def emit(start, stop, q, coefficients, T, sums):
     """Gradients T (9 a vertex) of blocks with features q (·, 144).
 
-    To sums (48 H,), lane by lane, go the products T_i a_h,i with the arms of H handles.
+    To sums (48 H,), lane by lane, go the products T_i a_h,i with the coefficients of H handles.
     """
     t = np.empty(144, dtype=np.float32)
     H = len(sums) // 48
     # There may be room for more handles than there are.
-    stride = len(arms) // (len(T) // 144)
+    stride = len(coefficients) // (len(T) // 144)
     for B in range(start, stop):
         gradients(q[B - start], t)
         for h in range(H):
             o, g = B * stride + 48 * h, 48 * h
             for n in range(16):
-                x, y, z = arms[o + n], arms[o + 16 + n], arms[o + 32 + n]
+                x, y, z = coefficients[o + n], coefficients[o + 16 + n], coefficients[o + 32 + n]
                 sums[g + n] += t[n] * x + t[16 + n] * y + t[32 + n] * z
                 sums[g + 16 + n] += t[48 + n] * x + t[64 + n] * y + t[80 + n] * z
                 sums[g + 32 + n] += t[96 + n] * x + t[112 + n] * y + t[128 + n] * z
@@ -139,25 +139,25 @@ def decode(start, stop, layer, q):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def decode_and_emit(start, stop, layer, arms, T, sums):
+def decode_and_emit(start, stop, layer, coefficients, T, sums):
     """Features by `_decode`, then `emit`, a few blocks at once: features stay in the cache."""
     q = np.empty((32, 144), dtype=np.float32)
     for B in range(start, stop, len(q)):
         end = min(B + len(q), stop)
         decode(B, end, layer, q)
-        emit(B, end, q, arms, T, sums)
+        emit(B, end, q, coefficients, T, sums)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def rhs(start, stop, indptr, rings, arms, own, T, b):
-    """b_i = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j) with arms ½ c_ij (v_i − v_j), own their sums."""
+def rhs(start, stop, indptr, rings, edges, own, T, b):
+    """b_i = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j) with edges ½ c_ij (v_i − v_j), own their sums."""
     for i in range(start, stop):
         o, x, y, z = 9 * i, own[3 * i], own[3 * i + 1], own[3 * i + 2]
         bx = T[o] * x + T[o + 1] * y + T[o + 2] * z
         by = T[o + 3] * x + T[o + 4] * y + T[o + 5] * z
         bz = T[o + 6] * x + T[o + 7] * y + T[o + 8] * z
         for k in range(indptr[i], indptr[i + 1]):
-            o, x, y, z = 9 * rings[k], arms[3 * k], arms[3 * k + 1], arms[3 * k + 2]
+            o, x, y, z = 9 * rings[k], edges[3 * k], edges[3 * k + 1], edges[3 * k + 2]
             bx += T[o] * x + T[o + 1] * y + T[o + 2] * z
             by += T[o + 3] * x + T[o + 4] * y + T[o + 5] * z
             bz += T[o + 6] * x + T[o + 7] * y + T[o + 8] * z

@@ -325,7 +325,7 @@ class HandleSolver:
         self._objective = replace(self._objective, targets=self._targets, weights=weights)
 
     def _take_vertices(self, vertices: list[int]) -> None:
-        """Green rows and landmark arms of the handle vertices; what is there already is kept."""
+        """Green rows and landmark coefficients of the handle vertices; known ones are kept."""
         self.basis.take(vertices)
         self._correction = self._corrected_at = self._asked = None
         self._located = False

@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from deformer.acap.features import FeatureExtractor, features_to_gradients
-from deformer.acap.jacobians import arm_positions, arm_sensitivities, gradient_tangents
+from deformer.acap.jacobians import (
+    gradient_tangents,
+    position_sensitivities,
+    positions_from_features,
+)
 from deformer.acap.poisson import PoissonSystem
 from shapes import awkward, bend, tube, twist, two_components
 
@@ -25,34 +29,34 @@ def central_difference(f, x, direction, h=1e-5):
 
 
 @pytest.mark.parametrize("name", MESHES)
-def test_arm_positions_are_reconstructed_positions(name):
+def test_positions_from_features_are_reconstructed_positions(name):
     mesh = MESHES[name]
     system = PoissonSystem(mesh)
     q = FeatureExtractor(mesh).extract(twist(bend(mesh.vertices, 1.0), 1.0))
     q[:, 3:] += 0.1 * np.random.default_rng(1).normal(size=q[:, 3:].shape)
     handles = [2, len(q) // 2, len(q) - 1]
-    arms = system.arms(system.green_rows(handles))
+    coefficients = system.position_coefficients(system.green_rows(handles))
     expected = system.reconstruct(q)[handles] - system.centroid
-    np.testing.assert_allclose(arm_positions(q, arms), expected, atol=1e-9)
+    np.testing.assert_allclose(positions_from_features(q, coefficients), expected, atol=1e-9)
 
 
-def test_arm_positions_are_sums_of_moved_arms():
-    q, arms = random_features(11), np.random.default_rng(2).normal(size=(4, 11, 3))
-    expected = np.einsum("iab,hib->ha", features_to_gradients(q), arms)
-    np.testing.assert_allclose(arm_positions(q, arms), expected, atol=1e-11)
-    assert arm_positions(q, arms[:0]).shape == (0, 3)
+def test_positions_are_sums_of_transformed_coefficients():
+    q, coefficients = random_features(11), np.random.default_rng(2).normal(size=(4, 11, 3))
+    expected = np.einsum("iab,hib->ha", features_to_gradients(q), coefficients)
+    np.testing.assert_allclose(positions_from_features(q, coefficients), expected, atol=1e-11)
+    assert positions_from_features(q, coefficients[:0]).shape == (0, 3)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_sensitivities_are_central_differences(seed):
     q = random_features(11, seed)
     rng = np.random.default_rng(seed)
-    arms = rng.normal(size=(3, 11, 3))
-    p, g = arm_positions(q, arms), arm_sensitivities(q, arms)
-    np.testing.assert_allclose(p, arm_positions(q, arms), atol=1e-12)
+    coefficients = rng.normal(size=(3, 11, 3))
+    p, g = positions_from_features(q, coefficients), position_sensitivities(q, coefficients)
+    np.testing.assert_allclose(p, positions_from_features(q, coefficients), atol=1e-12)
     for _ in range(5):
         dq = rng.normal(size=q.shape)
-        expected = central_difference(lambda x: arm_positions(x, arms), q, dq)
+        expected = central_difference(lambda x: positions_from_features(x, coefficients), q, dq)
         found = np.einsum("hdif,if->hd", g, dq)
         np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6)
 
@@ -60,13 +64,15 @@ def test_sensitivities_are_central_differences(seed):
 def test_every_entry_of_the_sensitivities():
     """One vertex, one feature at a time: an error cannot hide in a sum."""
     q = random_features(6, 3)
-    arms = np.random.default_rng(4).normal(size=(2, 6, 3))
-    g = arm_sensitivities(q, arms)
+    coefficients = np.random.default_rng(4).normal(size=(2, 6, 3))
+    g = position_sensitivities(q, coefficients)
     for i in range(6):
         for f in range(9):
             one = np.zeros_like(q)
             one[i, f] = 1.0
-            expected = central_difference(lambda x: arm_positions(x, arms), q, one)
+            expected = central_difference(
+                lambda x: positions_from_features(x, coefficients), q, one
+            )
             np.testing.assert_allclose(g[:, :, i, f], expected, rtol=1e-6, atol=1e-7)
 
 
@@ -83,7 +89,7 @@ def test_tangents_are_central_differences(seed):
 def test_tangents_and_sensitivities_are_two_ways_to_one_number():
     q = random_features(13, 7)
     rng = np.random.default_rng(7)
-    dq, arms = rng.normal(size=(2, 13, 9)), rng.normal(size=(3, 13, 3))
-    one = np.einsum("hdif,mif->mhd", arm_sensitivities(q, arms), dq)
-    other = np.einsum("miab,hib->mha", gradient_tangents(q, dq), arms)
+    dq, coefficients = rng.normal(size=(2, 13, 9)), rng.normal(size=(3, 13, 3))
+    one = np.einsum("hdif,mif->mhd", position_sensitivities(q, coefficients), dq)
+    other = np.einsum("miab,hib->mha", gradient_tangents(q, dq), coefficients)
     np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)

@@ -29,8 +29,8 @@ def energy(mesh, T, p):
     weights = cotan_weights(mesh).tocoo()
     i, j = weights.row, weights.col
     v = mesh.vertices
-    arms = np.einsum("eab,eb->ea", T[i], v[i] - v[j])
-    return (weights.data * ((p[i] - p[j] - arms) ** 2).sum(axis=1)).sum()
+    turned = np.einsum("eab,eb->ea", T[i], v[i] - v[j])
+    return (weights.data * ((p[i] - p[j] - turned) ** 2).sum(axis=1)).sum()
 
 
 @NAMES
@@ -136,14 +136,14 @@ def test_green_rows_give_positions_without_a_solve(name):
     V = len(mesh.vertices)
     handles = [0, V // 3, V - 1]
     green = system.green_rows(handles)
-    arms = system.arms(green)
-    assert green.shape == (3, V) and arms.shape == (3, V, 3)
+    coefficients = system.position_coefficients(green)
+    assert green.shape == (3, V) and coefficients.shape == (3, V, 3)
     for seed in range(3):
         T = random_gradients(mesh, seed)
         p = system.solve(T)[handles]
         np.testing.assert_allclose(system.centroid + green @ system.rhs(T), p, atol=1e-8)
-        by_arms = system.centroid + np.einsum("iab,hib->ha", T, arms)
-        np.testing.assert_allclose(by_arms, p, atol=1e-8)
+        by_coefficients = system.centroid + np.einsum("iab,hib->ha", T, coefficients)
+        np.testing.assert_allclose(by_coefficients, p, atol=1e-8)
 
 
 @NAMES

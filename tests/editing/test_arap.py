@@ -98,8 +98,8 @@ def test_decoded_gradients_and_positions(name):
     q[2, :3] = [0, 40.0, 0]
     surface = Surface(Given(q), system)
     vertices = np.array([1, V // 2, V - 1])
-    arms = system.arms(system.green_rows(vertices))
-    surface.take_handles(vertices, [surface.block_arms(arm) for arm in arms])
+    coefficients = system.position_coefficients(system.green_rows(vertices))
+    surface.take_handles(vertices, [surface.block_coefficients(a) for a in coefficients])
     T = features_to_gradients(q)
     found = surface.decode(np.zeros(2))
     np.testing.assert_allclose(

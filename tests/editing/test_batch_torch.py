@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deformer.acap.jacobians import arm_positions
+from deformer.acap.jacobians import positions_from_features
 from deformer.editing import batch_torch as torch_frames
 from deformer.editing.batch_numba import NumbaFrames
 from deformer.editing.batch_torch import TorchFrames
@@ -45,7 +45,9 @@ class Case:
     def landmark_positions(self, z):
         """By formula, in double precision."""
         features = self.basis.landmark_decoder.features
-        return np.array([arm_positions(features(row), self.basis.landmark_arms) for row in z])
+        return np.array(
+            [positions_from_features(features(row), self.basis.landmark_coefficients) for row in z]
+        )
 
 
 @pytest.fixture(scope="module", params=["all are landmarks", "fewer landmarks"])

@@ -1,12 +1,12 @@
-"""Truths of packed handles: what arms and features say of them, at any rotation and sparsity."""
+"""Truths of handle positions by blocks: those of features, at any rotation and sparsity."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from deformer.acap.jacobians import arm_positions, arm_sensitivities
-from deformer.editing.handle_kernels import PackedDecoder, PackedHandles
+from deformer.acap.jacobians import position_sensitivities, positions_from_features
+from deformer.editing.handle_kernels import BlockDecoder, BlockHandlePositions
 
 K = 7
 
@@ -34,23 +34,25 @@ def features(d, z):
 @pytest.mark.parametrize("handles", [1, 3, 17])
 @pytest.mark.parametrize("n", [1, 16, 53])
 @pytest.mark.parametrize("largest", [1e-4, 0.5, 1.0, np.pi, 25.0])
-def test_positions_and_derivative_are_those_of_the_arms(n, largest, handles):
+def test_positions_and_derivative_are_those_of_the_features(n, largest, handles):
     d = decoder(n, largest)
     rng = np.random.default_rng(1)
-    arms, z = rng.normal(size=(handles, n, 3)), rng.normal(size=K)
-    here = PackedHandles(PackedDecoder(d), arms).at(z)
+    coefficients, z = rng.normal(size=(handles, n, 3)), rng.normal(size=K)
+    here = BlockHandlePositions(BlockDecoder(d), coefficients).at(z)
     q, slope = features(d, z)
     scale = n * max(1.0, largest)
-    np.testing.assert_allclose(here.positions, arm_positions(q, arms), atol=3e-6 * scale)
+    np.testing.assert_allclose(
+        here.positions, positions_from_features(q, coefficients), atol=3e-6 * scale
+    )
     chain = d.matrix * slope[:, :, None]
-    expected = np.einsum("haif,ifk->hak", arm_sensitivities(q, arms), chain)
+    expected = np.einsum("haif,ifk->hak", position_sensitivities(q, coefficients), chain)
     np.testing.assert_allclose(here.derivative(), expected, atol=1e-5 * scale)
 
 
 def test_components_that_reach_nothing_and_no_handles():
     d = decoder(20, 1.0, density=0.0)
-    arms = np.random.default_rng(2).normal(size=(2, 20, 3))
-    packed = PackedDecoder(d)
-    assert not PackedHandles(packed, arms).at(np.ones(K)).derivative().any()
-    nothing = PackedHandles(packed, arms[:0]).at(np.ones(K))
+    coefficients = np.random.default_rng(2).normal(size=(2, 20, 3))
+    packed = BlockDecoder(d)
+    assert not BlockHandlePositions(packed, coefficients).at(np.ones(K)).derivative().any()
+    nothing = BlockHandlePositions(packed, coefficients[:0]).at(np.ones(K))
     assert nothing.positions.shape == (0, 3) and nothing.derivative().shape == (0, 3, K)

@@ -277,7 +277,7 @@ def test_handles_that_come_and_go_leave_no_trace(model):
 
 
 def test_handles_that_are_gone_keep_no_memory(model):
-    """What is kept for a handle (a Green row, its arms) goes with it."""
+    """What is kept for a handle (a Green row, its coefficients) goes with it."""
     solver = HandleSolver(model)
 
     def visit(vertices):

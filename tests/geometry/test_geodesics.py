@@ -175,7 +175,7 @@ chosen = farthest_points(geodesics, 20, seed=0)
 extractor = FeatureExtractor(mesh)
 system = PoissonSystem(mesh)
 system.reconstruct(extractor.extract(mesh.vertices))
-system.arms(system.green_rows(chosen))
+system.position_coefficients(system.green_rows(chosen))
 print(json.dumps({"V": len(mesh.vertices), "growth": peak() - before}))
 """
 
