@@ -21,7 +21,7 @@ from rich.progress import Progress
 from deformer.acap import FeatureExtractor, FeatureScaler, extract_all
 from deformer.geometry import Geodesics
 from deformer.io import load_shapes
-from deformer.network import Decoder, MeshAutoencoder, losses, resolve_config
+from deformer.network import AdamSettings, Decoder, MeshAutoencoder, losses, resolve_config
 from deformer.training.factorisation import factor
 
 
@@ -42,7 +42,7 @@ def main() -> None:
     x = scaler.scale(q)
     rings = extractor.indptr, extractor.rings
 
-    config = resolve_config("default", components=options.components, sparsity=2.0)
+    config = resolve_config("default", components=options.components).with_training(sparsity=2.0)
     begun = time.perf_counter()
     result = factor(x, scaler, geodesics, config)
     seconds = time.perf_counter() - begun
@@ -53,9 +53,11 @@ def main() -> None:
     console.print(f"default: {seconds:.1f} s to an error of {goal:.3f}")
 
     paper = resolve_config("paper", components=options.components)
+    adam = paper.training
+    assert isinstance(adam, AdamSettings)
     torch.manual_seed(0)
     network = MeshAutoencoder(*rings, paper.components, paper.layers)
-    optimiser = torch.optim.Adam(network.parameters(), lr=paper.learning_rate)
+    optimiser = torch.optim.Adam(network.parameters(), lr=adam.learning_rate)
     locality = losses.Locality(geodesics, paper.d_min, paper.d_max)
     batch = torch.tensor(np.swapaxes(x, 0, 1), dtype=torch.float32)
     error, begun, steps = np.inf, time.perf_counter(), 0
@@ -66,8 +68,8 @@ def main() -> None:
             estimate, z = network(batch)
             fit = losses.reconstruction(batch, estimate)
             sparse = losses.sparsity(network.C, locality.update(network.C))
-            spread = losses.latent_range(z, paper.range_limit)
-            (fit + paper.sparsity * sparse + paper.range_weight * spread).backward()
+            spread = losses.latent_range(z, adam.range_limit)
+            (fit + adam.sparsity * sparse + adam.range_weight * spread).backward()
             optimiser.step()
             error, steps = fit.item(), steps + 1
             progress.update(task, completed=spent)

@@ -61,6 +61,8 @@ from .model import (
     shipped_models as shipped_models,
 )
 from .network import (
+    AdamSettings as AdamSettings,
+    FactorisationSettings as FactorisationSettings,
     ModelConfig as ModelConfig,
 )
 from .training import (

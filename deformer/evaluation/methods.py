@@ -133,12 +133,15 @@ def _train_network(
     setting: Setting,
     cache: Path,
 ) -> DeformationModel:
-    sparsity, range_weight = setting.lambdas or (None, None)
+    settings = resolve_config(config)
+    if setting.lambdas is not None:
+        sparsity, range_weight = setting.lambdas
+        settings = settings.with_training(sparsity=sparsity, range_weight=range_weight)
     checkpoint = cache.with_name(cache.name + ".checkpoint")
     model = train(
         shapes,
         components,
-        config=resolve_config(config, sparsity=sparsity, range_weight=range_weight),
+        config=settings,
         epochs=setting.epochs,
         seed=seed,
         # The same numbers on every machine that goes on with a run.

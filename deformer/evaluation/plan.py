@@ -269,7 +269,7 @@ def _setting(study: Study, method: str) -> Setting:
         return study.model
     if method not in NETWORKS or study.epochs is None:
         return Setting()
-    usual = PRESETS[NETWORKS[method].config].epochs
+    usual = PRESETS[NETWORKS[method].config].training.epochs
     return Setting(epochs=study.epochs if study.epochs < usual else None)
 
 

@@ -24,14 +24,8 @@ from deformer.model.model import DeformationModel
 from deformer.model.rigid_prior import Placement
 from deformer.network import ModelConfig, NetworkWeights
 
-FORMAT_VERSION = 1
-
-
+FORMAT_VERSION = 2
 _FILES = ("model.json", "reference.ply", "weights.safetensors")
-
-
-# Options of models from before there was a choice.
-_BEFORE = {"encoder": "network", "denoised": False, "mirrored": False}
 
 
 def save_model(model: DeformationModel, path: str | Path) -> None:
@@ -65,18 +59,17 @@ def save_model(model: DeformationModel, path: str | Path) -> None:
             "scaler": {"r": [scaler.r_min, scaler.r_max], "s": [scaler.s_min, scaler.s_max]},
             "split": model.split,
             "summary": model.summary,
-            **({"placement": model.placement.deviations} if model.placement else {}),
+            "placement": model.placement.deviations if model.placement else None,
             "handle_noise": model.handle_noise,
-            **_description_of_names(model.names),
+            "names": _names_as_json(model.names),
             "sha256": {name: _digest(folder / name) for name in _FILES[1:]},
         }
         description["sha256"]["model.json"] = _digest_of_description(description)
         write_json(folder / "model.json", description)
 
 
-def _description_of_names(names: Mapping[int, str]) -> dict[str, Any]:
-    """The entry of model.json; none where nothing is named, as before there were names."""
-    return {"names": {str(k): name for k, name in names.items()}} if names else {}
+def _names_as_json(names: Mapping[int, str]) -> dict[str, str]:
+    return {str(k): name for k, name in names.items()}
 
 
 def save_names(path: str | Path, names: Mapping[int, str]) -> DeformationModel:
@@ -97,10 +90,8 @@ def save_names(path: str | Path, names: Mapping[int, str]) -> DeformationModel:
     model = load_model(path).named(names)
     where = Path(path) / "model.json"
     data = json.loads(where.read_text(encoding="utf-8"))
-    sums = data.pop("sha256")
-    data.pop("names", None)
-    data |= {**_description_of_names(model.names), "sha256": sums}
-    sums["model.json"] = _digest_of_description(data)
+    data["names"] = _names_as_json(model.names)
+    data["sha256"]["model.json"] = _digest_of_description(data)
     write_json(where, data)
     return model
 
@@ -170,7 +161,10 @@ def _assemble(folder: Path, data: dict[str, Any]) -> DeformationModel:
         tensors = load_file(folder / "weights.safetensors")
     except SafetensorError as error:
         raise InputError(f"{folder / 'weights.safetensors'}: unreadable ({error})") from error
-    config = ModelConfig(**{**_BEFORE, **data["config"]})
+    try:
+        config = ModelConfig.from_dict(data["config"])
+    except InputError as error:
+        raise InputError(f"{folder / 'model.json'}: config: {error}") from error
     weights = NetworkWeights.from_arrays(
         {k.removeprefix("network."): v for k, v in tensors.items() if k.startswith("network.")}
     )
@@ -186,29 +180,29 @@ def _assemble(folder: Path, data: dict[str, Any]) -> DeformationModel:
         LatentPrior(tensors["latent_mean"], tensors["latent_covariance"]),
         data["split"],
         data["summary"],
-        _placement(data["placement"], tensors) if "placement" in data else None,
-        {int(k): str(name) for k, name in data.get("names", {}).items()},
-        **({"handle_noise": float(data["handle_noise"])} if "handle_noise" in data else {}),
-        limits=_limits(tensors),
+        _placement(data["placement"], tensors),
+        {int(k): str(name) for k, name in data["names"].items()},
+        float(data["handle_noise"]),
+        BendLimits(**limits) if (limits := _arrays(tensors, "limits_")) else None,
     )
 
 
-def _limits(tensors: Mapping[str, NDArray]) -> BendLimits | None:
-    """Of a model's files; older ones have none."""
-    if "limits_slack" not in tensors:
+def _placement(
+    deviations: Mapping[str, float] | None, tensors: Mapping[str, NDArray]
+) -> Placement | None:
+    if deviations is None:
         return None
-    arrays = (f"limits_{name}" for name in ("directions", "low", "high", "slack"))
-    return BendLimits(*(tensors[name] for name in arrays))
+    arrays = _arrays(tensors, "placement_")
+    return Placement(**deviations, offset=arrays.get("offset"), gain=arrays.get("gain"))
 
 
-def _placement(deviations: Mapping[str, float], tensors: Mapping[str, NDArray]) -> Placement:
-    """Of a model's files; older ones have deviations only."""
-
-    def array(name: str) -> FloatArray | None:
-        found = tensors.get(f"placement_{name}")
-        return found
-
-    return Placement(**deviations, offset=array("offset"), gain=array("gain"))
+def _arrays(tensors: Mapping[str, NDArray], prefix: str) -> dict[str, FloatArray]:
+    """The tensors whose names begin with `prefix`, by the rest of their names."""
+    return {
+        name.removeprefix(prefix): array
+        for name, array in tensors.items()
+        if name.startswith(prefix)
+    }
 
 
 def _digest_of_description(data: dict[str, Any]) -> str:

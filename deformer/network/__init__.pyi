@@ -5,6 +5,8 @@ from .autoencoder import (
 from .config import (
     FEATURES as FEATURES,
     PRESETS as PRESETS,
+    AdamSettings as AdamSettings,
+    FactorisationSettings as FactorisationSettings,
     ModelConfig as ModelConfig,
     resolve_config as resolve_config,
 )

@@ -10,9 +10,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from deformer.errors import InputError
 from deformer.geometry import FloatArray, Geodesics, IntArray
 from deformer.linalg import resolve_device
-from deformer.network import MeshAutoencoder, ModelConfig, NetworkWeights, losses
+from deformer.network import AdamSettings, MeshAutoencoder, ModelConfig, NetworkWeights, losses
 from deformer.training.loop import (
     ProgressCallback,
     State,
@@ -68,14 +69,14 @@ class _Descent:
         mixer: _Mixer | None,
         generator: torch.Generator,
         locality: losses.Locality,
-        config: ModelConfig,
+        settings: AdamSettings,
     ) -> None:
-        self._network, self._shapes, self._config = network, shapes, config
+        self._network, self._shapes, self._settings = network, shapes, settings
         self._optimiser = torch.optim.Adam(
-            network.parameters(), lr=config.learning_rate, fused=True
+            network.parameters(), lr=settings.learning_rate, fused=True
         )
         self._mixer, self._generator, self._locality = mixer, generator, locality
-        self._stochastic = mixer is not None or 0 < config.batch < shapes.shape[1]
+        self._stochastic = mixer is not None or 0 < settings.batch < shapes.shape[1]
         self._mean: Tensor | None = None
         if not self._stochastic:  # every step sees the same shapes: their ring mean is taken once
             with torch.no_grad():
@@ -85,33 +86,32 @@ class _Descent:
         self._best = {k: v.detach().clone() for k, v in network.state_dict().items()}
 
     def start(self) -> None:
-        if self._config.initial == "pca":
+        if self._settings.initial == "pca":
             x = _with_mixed(self._shapes, self._mixer, _INITIAL_MIXED)
             self._network.start_from_components(x)
 
     def step(self, epoch: int) -> tuple[float, ...]:
         """One step on all shapes; gives the three weighted terms before it."""
-        network, config, N = self._network, self._config, self._shapes.shape[1]
+        network, settings, N = self._network, self._settings, self._shapes.shape[1]
         batch = self._shapes
-        if 0 < config.batch < N:
-            drawn = torch.randperm(N, generator=self._generator)[: config.batch]
+        if 0 < settings.batch < N:
+            drawn = torch.randperm(N, generator=self._generator)[: settings.batch]
             batch = batch[:, drawn.to(batch.device)]
-        batch = _with_mixed(batch, self._mixer, config.mixed_shapes)
+        batch = _with_mixed(batch, self._mixer, settings.mixed_shapes)
         for group in self._optimiser.param_groups:
-            group["lr"] = _learning_rate(config, epoch)
+            group["lr"] = _learning_rate(settings, epoch)
         self._optimiser.zero_grad(set_to_none=True)
         estimate, z = network(batch, self._mean)
-        assert config.sparsity is not None  # of "gradients" it never is
         error = losses.reconstruction(batch, estimate)
-        sparse = config.sparsity * losses.sparsity(network.C, self._locality.update(network.C))
-        spread = config.range_weight * losses.latent_range(z, config.range_limit)
+        sparse = settings.sparsity * losses.sparsity(network.C, self._locality.update(network.C))
+        spread = settings.range_weight * losses.latent_range(z, settings.range_limit)
         loss = error + sparse + spread
         loss.backward()
         terms = error.item(), sparse.item(), spread.item()
         if self._stochastic:
             # The loss of one batch does not tell which weights are best; the newest are kept.
             self.loss, self.reconstruction = sum(terms), terms[0]
-        elif epoch % _BEST_EVERY == 0 or epoch == config.epochs - 1:
+        elif epoch % _BEST_EVERY == 0 or epoch == settings.epochs - 1:
             self._keep_if_best(sum(terms), terms[0])
         self._optimiser.step()
         return terms
@@ -177,7 +177,7 @@ def fit(
         x: (N, V, 9) scaled features of the training shapes.
         indptr, rings: one-rings of the reference.
         geodesics: distances over the reference, for Λ and the mixed shapes.
-        config: network, loss weights, epochs.
+        config: network, loss weights, epochs; its `training` is an `AdamSettings`.
         seed: of the initial weights and the mixed shapes. The same seed gives the same network
             on one machine with one number of threads.
         device: "cpu", "cuda", "mps" or "auto".
@@ -189,35 +189,42 @@ def fit(
         The weights: with the lowest loss seen where every step sees all shapes, else
         the newest. Ctrl-C ends the training early, after the step under way; the checkpoint is
         saved and the weights so far returned.
+
+    Raises:
+        InputError: the config trains otherwise, or the device or checkpoint is not to be used.
     """
+    settings = config.training
+    if not isinstance(settings, AdamSettings):
+        raise InputError(f"config: expected training by Adam, got {settings.method!r}")
     target = resolve_device(device)
     torch.manual_seed(seed)
-    network = MeshAutoencoder(indptr, rings, config.components, config.layers).to(target)
+    network = MeshAutoencoder(indptr, rings, config.components, settings.layers).to(target)
     shapes = torch.as_tensor(np.swapaxes(x, 0, 1), dtype=torch.float32).contiguous().to(target)
     generator = torch.Generator().manual_seed(seed)
-    mixer = _Mixer(shapes, geodesics, generator) if config.mixed_shapes and len(x) > 1 else None
+    mixer = _Mixer(shapes, geodesics, generator) if settings.mixed_shapes and len(x) > 1 else None
     locality = losses.Locality(geodesics, config.d_min, config.d_max)
-    descent = _Descent(network, shapes, mixer, generator, locality, config)
+    descent = _Descent(network, shapes, mixer, generator, locality, settings)
     course = run_training(
         descent,
-        config.epochs,
+        settings.epochs,
         identity_of(x, config, seed),
         checkpoint=checkpoint,
         resume=resume,
         on_progress=on_progress,
     )
-    return TrainingResult(descent.weights(), descent.loss, descent.reconstruction, *course)
+    weights = descent.weights().pruned(settings.pruning)
+    return TrainingResult(weights, descent.loss, descent.reconstruction, *course)
 
 
 def _with_mixed(x: Tensor, mixer: _Mixer | None, count: int) -> Tensor:
     return x if mixer is None else torch.cat([x, mixer(count)], dim=1)
 
 
-def _learning_rate(config: ModelConfig, epoch: int) -> float:
+def _learning_rate(settings: AdamSettings, epoch: int) -> float:
     # All of C moves alike in Adam's first steps: where features have a mean far from zero, full
     # steps would drive every tanh into saturation, for good.
     rise = min(1.0, (epoch + 1) / _WARM_UP)
-    if config.schedule == "constant":
-        return config.learning_rate * rise
-    fall = 0.5 * (1.0 + math.cos(math.pi * epoch / config.epochs))
-    return config.learning_rate * (0.01 + 0.99 * fall) * rise
+    if settings.schedule == "constant":
+        return settings.learning_rate * rise
+    fall = 0.5 * (1.0 + math.cos(math.pi * epoch / settings.epochs))
+    return settings.learning_rate * (0.01 + 0.99 * fall) * rise

@@ -18,7 +18,13 @@ from torch import Tensor
 from deformer.acap import FeatureScaler
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, Geodesics
-from deformer.network import FEATURES, ConvolutionWeights, ModelConfig, NetworkWeights
+from deformer.network import (
+    FEATURES,
+    ConvolutionWeights,
+    FactorisationSettings,
+    ModelConfig,
+    NetworkWeights,
+)
 from deformer.training.loop import (
     ProgressCallback,
     State,
@@ -52,8 +58,7 @@ def factor(
         x: (N, V, 9) scaled features of the training shapes.
         scaler: their scaling; the undeformed shape's features become the decoder's bias.
         geodesics: distances over the reference, for Λ.
-        config: `epochs` counts rounds of codes, centres and components; `sparsity` is λ₁ for data
-            of unit variance.
+        config: its `training` is a `FactorisationSettings` with a sparsity.
         checkpoint: folder written every half minute and on interruption, or None.
         resume: continue from `checkpoint`; every number comes out as without the stop.
         on_progress: called after every round.
@@ -61,18 +66,25 @@ def factor(
     Returns:
         The weights. Ctrl-C ends the training early, after the round under way; the checkpoint is
         saved and the weights so far returned.
+
+    Raises:
+        InputError: the config trains otherwise or leaves the sparsity open, or the checkpoint is
+            not to be used.
     """
-    if config.sparsity is None:
-        raise InputError("sparsity: expected a number, got None; `learning.train` chooses one")
+    training = config.training
+    if not isinstance(training, FactorisationSettings):
+        raise InputError(f"config: expected training by factorisation, got {training.method!r}")
+    if training.sparsity is None:
+        raise InputError("sparsity: expected a number, got None; `train` chooses one")
     bias = np.arctanh(scaler.scale(_UNDEFORMED))
     data = (np.arctanh(np.clip(x, -_SATURATED, _SATURATED)) - bias).astype(np.float32)
     unit = float(np.sqrt((data**2).mean())) or 1.0
     data /= unit
-    settings = LocalisedSettings(config.sparsity, config.d_min, config.d_max, _BEYOND)
+    settings = LocalisedSettings(training.sparsity, config.d_min, config.d_max, _BEYOND)
     problem = Factorisation(data, geodesics.normalised_row, config.components, settings)
     course = run_training(
         _Rounds(problem),
-        config.epochs,
+        training.epochs,
         identity_of(x, config, 0),
         checkpoint=checkpoint,
         resume=resume,

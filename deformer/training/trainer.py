@@ -22,7 +22,14 @@ from deformer.model import (
     fit_placement,
     fit_prior,
 )
-from deformer.network import Decoder, Encoder, ModelConfig, NetworkWeights, resolve_config
+from deformer.network import (
+    Decoder,
+    Encoder,
+    FactorisationSettings,
+    ModelConfig,
+    NetworkWeights,
+    resolve_config,
+)
 from deformer.training.adam import fit
 from deformer.training.checkpoints import has_checkpoint
 from deformer.training.cross_validation import HandleFit, recoveries, recovery_errors
@@ -118,7 +125,7 @@ def train(
     scaler = FeatureScaler.fit(q)
     examples = _Examples(MeshSequence(chosen, base.faces), extractor, scaler, scaler.scale(q))
     del q
-    calibrated = settings.method == "factorisation"
+    calibrated = isinstance(settings.training, FactorisationSettings)
     if calibrated:
         settings, handle_noise = _calibrated(examples, settings, on_progress)
     result = examples.learn(
@@ -188,12 +195,10 @@ class _Examples:
         self, settings: ModelConfig, *, seed: int = 0, device: str = "cpu", **carried: Any
     ) -> TrainingResult:
         """The weights of a network; see `factor` and `fit`."""
-        if settings.method == "factorisation":
-            result = factor(self.x, self.scaler, self.geodesics, settings, **carried)
-        else:
-            mesh = self.extractor.indptr, self.extractor.rings, self.geodesics
-            result = fit(self.x, *mesh, settings, seed=seed, device=device, **carried)
-        return replace(result, weights=result.weights.pruned(settings.pruning))
+        if isinstance(settings.training, FactorisationSettings):
+            return factor(self.x, self.scaler, self.geodesics, settings, **carried)
+        mesh = self.extractor.indptr, self.extractor.rings, self.geodesics
+        return fit(self.x, *mesh, settings, seed=seed, device=device, **carried)
 
     def model(
         self,
@@ -229,8 +234,9 @@ def _calibrated(
         KeyboardInterrupt: Ctrl-C; nothing is trained yet.
     """
 
-    offered = _SPARSITIES if settings.sparsity is None else (settings.sparsity,)
-    epochs = min(_TRIAL, settings.epochs)
+    training = settings.training
+    offered = _SPARSITIES if training.sparsity is None else (training.sparsity,)
+    epochs = min(_TRIAL, training.epochs)
     steps = epochs + recoveries(len(examples.shapes)) * len(_NOISES)
     done = 0
 
@@ -271,13 +277,13 @@ def _calibrated(
     found = {
         sparsity: tried
         for sparsity in offered
-        if (tried := errors(replace(settings, sparsity=sparsity, epochs=epochs))) is not None
+        if (tried := errors(settings.with_training(sparsity=sparsity, epochs=epochs))) is not None
     }
     if not found:
-        return replace(settings, sparsity=offered[0]), _NOISES[-1]
+        return settings.with_training(sparsity=offered[0]), _NOISES[-1]
     least = min(tried.min() for tried in found.values())
     chosen = next(s for s, tried in found.items() if tried.min() <= least + _WORTH)
-    return replace(settings, sparsity=chosen), _NOISES[int(found[chosen].argmin())]
+    return settings.with_training(sparsity=chosen), _NOISES[int(found[chosen].argmin())]
 
 
 def _without_noise(

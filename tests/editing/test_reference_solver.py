@@ -1,6 +1,7 @@
 """Truths of the plain handle solver that the fast one is held against."""
 
 import importlib.util
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,11 +10,12 @@ import torch
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from deformer import DeformationModel, FeatureScaler, HandleSolver, ModelConfig, train
+from deformer import AdamSettings, DeformationModel, FeatureScaler, HandleSolver, ModelConfig, train
 from deformer.geometry.mesh import one_rings
 from deformer.model.latent_prior import fit_prior
 from deformer.network.autoencoder import MeshAutoencoder
 from paths import ROOT
+from settings import QUICK_ADAM
 from shapes import awkward, sequence, small_model, tube, two_components
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -36,7 +38,8 @@ ReferenceSolver = _solver()
 def trained(layers):
     if layers == (9,):
         return small_model()
-    config = ModelConfig(name="deep", components=4, layers=layers, epochs=150, mixed_shapes=0)
+    training = replace(QUICK_ADAM, layers=layers, epochs=150, mixed_shapes=0)
+    config = ModelConfig(name="deep", components=4, training=training)
     return train(sequence(), config=config, device="cpu")
 
 
@@ -50,7 +53,7 @@ def untrained(mesh, layers, components=4, size=0.3, turn=2.0):
             conv.bias_back.normal_()
         network.C.normal_(std=size)
     codes = np.random.default_rng(0).normal(size=(12, components))
-    config = ModelConfig(name="random", components=components, layers=layers)
+    config = ModelConfig("random", components, AdamSettings(layers))
     scaler = FeatureScaler(-turn, turn, -0.3, 1.8)
     return DeformationModel(mesh, config, scaler, network.weights, codes, fit_prior(codes), {})
 

@@ -1,5 +1,6 @@
 """Truths of sequences fitted as a whole: against single frames, an independent optimiser, time."""
 
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
@@ -12,6 +13,7 @@ from deformer import HandleSolver, ModelConfig, fit_sequence, train
 from deformer.editing import sequence as sequence_module
 from deformer.errors import InputError
 from deformer.geometry.rotations import log_to_rotation
+from settings import QUICK_ADAM
 from shapes import large_model, sequence, small_model
 
 HANDLES = np.arange(4, 120, 12)
@@ -47,7 +49,8 @@ def truth(model):
 
 @cache
 def deep_model():
-    config = ModelConfig(name="deep", components=4, layers=(7, 5), epochs=60, mixed_shapes=0)
+    training = replace(QUICK_ADAM, layers=(7, 5), epochs=60, mixed_shapes=0)
+    config = ModelConfig("deep", 4, training)
     return train(sequence(), config=config, device="cpu")
 
 

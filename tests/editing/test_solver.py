@@ -1,6 +1,7 @@
 """Truths of the handle solver: handles are met, poses are kept, nothing breaks it."""
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -111,12 +112,13 @@ def test_coincident_vertices_as_handles():
     """A model whose reference has two vertices at one place, asked to part or to stay."""
     from deformer import MeshSequence, train
     from deformer.network.config import ModelConfig
+    from settings import QUICK_ADAM
     from shapes import sequence
 
     shapes = sequence(5)
     vertices = shapes.vertices.copy()
     vertices[:, 20] = vertices[:, 21]
-    config = ModelConfig(name="quick", components=2, epochs=5, mixed_shapes=0)
+    config = ModelConfig("quick", 2, replace(QUICK_ADAM, mixed_shapes=0))
     model = train(MeshSequence(vertices, shapes.faces), config=config, device="cpu")
     solver = HandleSolver(model)
     p = model.reference.vertices

@@ -117,7 +117,7 @@ def test_epochs_only_make_trainings_shorter(source, tiny):
         jobs = make_plan([study(source, *methods, epochs=limit, components=(4,), pictures=False)])
         return {job.training.method: job.training.setting.epochs for job in jobs}
 
-    rounds, steps = PRESETS["default"].epochs, PRESETS["paper"].epochs
+    rounds, steps = (PRESETS[name].training.epochs for name in ("default", "paper"))
     assert rounds < QUICK["epochs"] < steps
     assert epochs(None) == dict.fromkeys(methods)
     assert epochs(7) == {**dict.fromkeys(methods[:3], 7), "tiny": None}

@@ -157,7 +157,8 @@ def _trained(shapes, epochs) -> DeformationModel:
         warnings.simplefilter("ignore")
         # These few clean shapes would ask for components less sparse, and handles much firmer,
         # than most sets do.
-        config = replace(PRESETS["default"], components=6, epochs=epochs, sparsity=2.0)
+        config = replace(PRESETS["default"], components=6)
+        config = config.with_training(epochs=epochs, sparsity=2.0)
         return replace(train(shapes, config=config, device="cpu"), handle_noise=0.007)
 
 

@@ -144,6 +144,6 @@ def test_they_are_kept_with_the_model(model, tmp_path):
         np.testing.assert_array_equal(again.limits.arrays[name], array)
     assert again.fingerprint == model.fingerprint
     replace(model, limits=None).save(tmp_path / "without")
-    older = load_model(tmp_path / "without")
-    assert older.limits is None
-    assert older.fingerprint != model.fingerprint
+    unlimited = load_model(tmp_path / "without")
+    assert unlimited.limits is None
+    assert unlimited.fingerprint != model.fingerprint

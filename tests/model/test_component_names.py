@@ -1,7 +1,5 @@
 """Names of components: kept with the model, never mistaken for anything else."""
 
-import json
-
 import pytest
 
 from deformer import InputError, load_model, save_names
@@ -30,11 +28,6 @@ def test_names_come_back_and_everything_else_stays(saved):
     ).read_bytes()
     save_names(saved, {1: "", 3: ""})
     assert (saved / "model.json").read_bytes() == before["model.json"]
-
-
-def test_a_model_from_before_names_loads(saved):
-    assert "names" not in json.loads((saved / "model.json").read_text())
-    assert load_model(saved).names == {}
 
 
 def test_names_are_under_the_checksum(saved):

@@ -17,15 +17,17 @@ from deformer.geometry.mesh import Mesh, MeshSequence, one_rings
 from deformer.geometry.rotations import align
 from deformer.network.autoencoder import MeshAutoencoder
 from deformer.network.config import ModelConfig
+from settings import QUICK_ADAM
 from shapes import random_rotation, sequence, small_model, tube
 
-QUICK = ModelConfig(name="quick", components=3, epochs=5, mixed_shapes=2)
+QUICK = ModelConfig(name="quick", components=3, training=replace(QUICK_ADAM, encoder="projection"))
 
 
 @cache
 def by_gradients():
     """The small model, but trained by Adam, so that its network has an encoder of its own."""
-    return train(sequence(), 6, config=ModelConfig(epochs=600), device="cpu")
+    training = replace(QUICK_ADAM, epochs=600, mixed_shapes=24, encoder="projection")
+    return train(sequence(), 6, config=ModelConfig(training=training), device="cpu")
 
 
 @pytest.fixture
@@ -135,9 +137,24 @@ def test_descriptions_that_are_none_are_refused(saved, content):
         lambda data: data.pop("scaler"),
         lambda data: data.pop("connectivity"),
         lambda data: data["config"].update(unheard_of=1),
+        lambda data: data["config"]["training"].update(method="magic"),
+        lambda data: data.pop("placement"),
+        lambda data: data.pop("handle_noise"),
+        lambda data: data.pop("names"),
         lambda data: data["scaler"].update(r=[1.0]),
     ],
-    ids=["no sha256", "no config", "no scaler", "no connectivity", "config", "scaler"],
+    ids=[
+        "no sha256",
+        "no config",
+        "no scaler",
+        "no connectivity",
+        "config",
+        "method",
+        "no placement",
+        "no handle noise",
+        "no names",
+        "scaler",
+    ],
 )
 def test_incomplete_descriptions_are_refused(saved, change):
     change_json(saved, change)
@@ -213,10 +230,10 @@ def test_training_codes_are_the_encoded_shapes_and_prior_their_statistics():
 
 
 def test_encoding_goes_through_scaled_features():
-    """By the network where the configuration says so, as that of models from before a choice."""
+    """By the network where the configuration says so."""
     model, shapes = by_gradients(), sequence().vertices
     q = FeatureExtractor(model.reference).extract(shapes[4])
-    plain = replace(model, config=replace(model.config, encoder="network"))
+    plain = replace(model, config=model.config.with_training(encoder="network"))
     x = torch.tensor(model.scaler.scale(q)[:, None], dtype=torch.float32)
     rings = one_rings(model.reference.faces, len(model.reference.vertices))
     with torch.no_grad():
@@ -233,7 +250,7 @@ def test_projection_finds_the_code_of_a_decoded_shape():
 
 def test_projection_is_closer_than_the_network():
     model, shapes = by_gradients(), sequence().vertices
-    plain = replace(model, config=replace(model.config, encoder="network"))
+    plain = replace(model, config=model.config.with_training(encoder="network"))
     by_network = e_rms(shapes, model.decode(plain.encode(shapes)))
     assert e_rms(shapes, model.decode(model.encode(shapes))) < by_network
 
@@ -327,7 +344,7 @@ def test_a_split_may_leave_out_its_test_part():
 
 def test_options_override_the_configuration():
     model = train(sequence(4), 5, config=QUICK, epochs=3, align_shapes=True, device="cpu")
-    assert (model.components, model.config.epochs, model.config.align) == (5, 3, True)
+    assert (model.components, model.config.training.epochs, model.config.align) == (5, 3, True)
     assert model.summary["epochs"] == 3 and not model.summary["interrupted"]
 
 

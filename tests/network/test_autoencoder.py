@@ -1,5 +1,6 @@
 """Truths of the network: the paper's formulas, written out with loops and numpy."""
 
+import json
 from itertools import pairwise
 
 import numpy as np
@@ -9,7 +10,7 @@ import torch
 from deformer.errors import InputError
 from deformer.geometry.mesh import one_rings
 from deformer.network.autoencoder import GraphConv, MeanOverRing, MeshAutoencoder, ring_sum
-from deformer.network.config import ModelConfig, resolve_config
+from deformer.network.config import AdamSettings, FactorisationSettings, ModelConfig, resolve_config
 from shapes import awkward, tube
 from tolerances import tolerance
 
@@ -184,33 +185,54 @@ def test_network_gradients_are_those_of_its_differences():
 
 def test_presets_are_the_papers_and_ours():
     paper = resolve_config("paper", components=7)
-    assert paper.components == 7 and paper.mixed_shapes == 0 and paper.layers == (9,)
-    constants = (paper.sparsity, paper.range_weight, paper.range_limit, paper.d_min, paper.d_max)
+    adam = paper.training
+    assert isinstance(adam, AdamSettings)
+    assert paper.components == 7 and adam.mixed_shapes == 0 and paper.layers == (9,)
+    constants = (adam.sparsity, adam.range_weight, adam.range_limit, paper.d_min, paper.d_max)
     assert constants == (0.5, 0.5, 5.0, 0.2, 0.4)
-    assert paper.learning_rate == 1e-3
-    kept = resolve_config(ModelConfig(name="own", epochs=12), epochs=None)
-    assert kept == ModelConfig(name="own", epochs=12)
-    assert ModelConfig(**paper.as_dict()) == paper
+    assert adam.learning_rate == 1e-3
+    own = ModelConfig(name="own", training=AdamSettings(epochs=12))
+    assert resolve_config(own, epochs=None) == own
+    default = resolve_config("default", epochs=7, align=True)
+    assert default == ModelConfig(training=FactorisationSettings(epochs=7), align=True)
 
 
 @pytest.mark.parametrize(
-    "change",
+    "config",
     [
-        {"components": 0},
-        {"layers": ()},
-        {"layers": (9, 0)},
-        {"epochs": 0},
-        {"d_min": 0.4, "d_max": 0.4},
-        {"d_min": -0.1},
-        {"sparsity": -1.0},
-        {"range_weight": -1.0},
-        {"mixed_shapes": -1},
+        resolve_config("paper", components=7),
+        resolve_config("default"),
+        ModelConfig("deep", 3, AdamSettings(layers=(7, 5), encoder="network")),
+        ModelConfig(training=FactorisationSettings(sparsity=1.5)),
+    ],
+)
+def test_configurations_come_back_from_json(config):
+    assert ModelConfig.from_dict(json.loads(json.dumps(config.as_dict()))) == config
+
+
+@pytest.mark.parametrize(
+    ("settings", "change"),
+    [
+        (ModelConfig, {"components": 0}),
+        (ModelConfig, {"d_min": 0.4, "d_max": 0.4}),
+        (ModelConfig, {"d_min": -0.1}),
+        (AdamSettings, {"layers": ()}),
+        (AdamSettings, {"layers": (9, 0)}),
+        (AdamSettings, {"epochs": 0}),
+        (AdamSettings, {"sparsity": -1.0}),
+        (AdamSettings, {"range_weight": -1.0}),
+        (AdamSettings, {"mixed_shapes": -1}),
+        (AdamSettings, {"learning_rate": 0.0}),
+        (AdamSettings, {"schedule": "linear"}),
+        (AdamSettings, {"encoder": "projection", "layers": (9, 9)}),
+        (FactorisationSettings, {"epochs": 0}),
+        (FactorisationSettings, {"sparsity": -1.0}),
     ],
     ids=str,
 )
-def test_impossible_configurations_are_refused(change):
+def test_impossible_settings_are_refused(settings, change):
     with pytest.raises(InputError, match=next(iter(change))):
-        ModelConfig(**change)
+        settings(**change)
 
 
 def test_unknown_preset_is_refused():

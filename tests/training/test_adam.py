@@ -17,14 +17,14 @@ from deformer.geometry.geodesics import Geodesics
 from deformer.linalg.device import resolve_device
 from deformer.network import losses
 from deformer.network.autoencoder import MeshAutoencoder
-from deformer.network.config import PRESETS
+from deformer.network.config import ModelConfig, resolve_config
 from deformer.training.adam import fit
 from shapes import sequence
 
-PAPER = replace(PRESETS["paper"], components=4, epochs=40)
-MIXED = replace(PAPER, name="mixed", mixed_shapes=5)
-DEEP = replace(MIXED, name="deep", layers=(7, 5))
-STOCHASTIC = replace(MIXED, batch=4, initial="pca", schedule="cosine", learning_rate=3e-3)
+PAPER = resolve_config("paper", components=4, epochs=40)
+MIXED = replace(PAPER, name="mixed").with_training(mixed_shapes=5)
+DEEP = replace(MIXED, name="deep").with_training(layers=(7, 5))
+STOCHASTIC = MIXED.with_training(batch=4, initial="pca", schedule="cosine", learning_rate=3e-3)
 CONFIGS = pytest.mark.parametrize(
     "config", [PAPER, MIXED, DEEP, STOCHASTIC], ids=["paper", "mixed", "deep", "stochastic"]
 )
@@ -63,7 +63,7 @@ class Stop:
 
 def test_the_loss_falls_and_its_terms_are_reported(data):
     seen = []
-    result = fit(*data, replace(PAPER, epochs=150), device="cpu", on_progress=seen.append)
+    result = fit(*data, PAPER.with_training(epochs=150), device="cpu", on_progress=seen.append)
     assert [p.done for p in seen] == list(range(1, 151))
     assert all(p.stage == "training" and p.total == 150 for p in seen)
     for p in seen:
@@ -94,7 +94,7 @@ def test_the_result_has_the_loss_that_it_says(data):
 
 @CONFIGS
 def test_the_same_seed_gives_the_same_weights(data, config):
-    config = replace(config, epochs=25)
+    config = config.with_training(epochs=25)
     first = weights(fit(*data, config, seed=3, device="cpu"))
     torch.manual_seed(99)  # what others did with torch's global generator does not matter
     assert_same(weights(fit(*data, config, seed=3, device="cpu")), first)
@@ -103,8 +103,8 @@ def test_the_same_seed_gives_the_same_weights(data, config):
 
 
 def test_mixed_shapes_change_the_result(data):
-    one = weights(fit(*data, replace(PAPER, epochs=5), device="cpu"))
-    other = weights(fit(*data, replace(MIXED, epochs=5), device="cpu"))
+    one = weights(fit(*data, PAPER.with_training(epochs=5), device="cpu"))
+    other = weights(fit(*data, MIXED.with_training(epochs=5), device="cpu"))
     assert not torch.equal(one["C"], other["C"])
 
 
@@ -133,8 +133,8 @@ def test_resuming_is_exact(data, config, stops, tmp_path):
         resume=True,
         on_progress=rest.append,
     )
-    assert [p.done for p in rest] == list(range(stops[-1] + 1, config.epochs + 1))
-    assert not resumed.interrupted and resumed.epochs == config.epochs
+    assert [p.done for p in rest] == list(range(stops[-1] + 1, config.training.epochs + 1))
+    assert not resumed.interrupted and resumed.epochs == config.training.epochs
     assert_same(weights(resumed), weights(whole))
     assert (resumed.loss, resumed.reconstruction) == (whole.loss, whole.reconstruction)
     assert resumed.seconds > part.seconds
@@ -168,7 +168,7 @@ def test_resuming_is_exact_after_an_interrupt_inside_a_step(data, config, tmp_pa
 
 def test_training_leaves_the_handling_of_control_c_as_it_was(data, monkeypatch):
     before = signal.getsignal(signal.SIGINT)
-    fit(*data, replace(PAPER, epochs=2), device="cpu")
+    fit(*data, PAPER.with_training(epochs=2), device="cpu")
     assert signal.getsignal(signal.SIGINT) is before
     fit(*data, PAPER, device="cpu", on_progress=Stop(2))
     assert signal.getsignal(signal.SIGINT) is before
@@ -179,7 +179,7 @@ def test_training_leaves_the_handling_of_control_c_as_it_was(data, monkeypatch):
 
 def test_training_works_in_a_thread(data):
     """Where signals cannot be handled; the result is the same."""
-    config = replace(MIXED, epochs=5)
+    config = MIXED.with_training(epochs=5)
     with ThreadPoolExecutor(1) as pool:
         there = pool.submit(fit, *data, config, device="cpu").result()
     assert_same(weights(there), weights(fit(*data, config, device="cpu")))
@@ -213,7 +213,7 @@ def test_interruption_returns_the_best_so_far(data):
     # Weights are kept every few epochs: the loss is one that was seen, and those are its weights.
     epoch = seen.index(part.loss) + 1
     assert part.loss <= 1.05 * min(seen[:15])
-    assert_same(weights(part), weights(fit(*data, replace(PAPER, epochs=epoch), device="cpu")))
+    assert_same(weights(part), weights(fit(*data, PAPER.with_training(epochs=epoch), device="cpu")))
 
 
 @pytest.fixture
@@ -272,7 +272,7 @@ def test_a_crash_while_saving_leaves_the_earlier_checkpoint(data, stopped, monke
     ("config", "seed", "scale", "named"),
     [
         (replace(MIXED, components=5), 1, 1.0, "config"),
-        (replace(MIXED, learning_rate=2e-3), 1, 1.0, "config"),
+        (MIXED.with_training(learning_rate=2e-3), 1, 1.0, "config"),
         (MIXED, 2, 1.0, "seed"),
         (MIXED, 1, 0.9, "shapes"),
         (PAPER, 2, 0.9, "config, seed, shapes"),
@@ -318,6 +318,11 @@ def test_unknown_devices_are_refused(data, device):
         fit(*data, PAPER, device=device)
 
 
+def test_a_factorisation_is_not_trained_by_gradients(data):
+    with pytest.raises(InputError, match="Adam"):
+        fit(*data, ModelConfig(), device="cpu")
+
+
 def test_absent_devices_are_refused():
     for name, present in (
         ("cuda", torch.cuda.is_available()),
@@ -334,6 +339,6 @@ def test_features_far_from_zero_do_not_saturate_the_network_for_good(data):
     """Adam's first steps move all weights alike, and their sum over the mesh is large."""
     x, *mesh = data
     offset = 0.1 * x - 0.57
-    config = replace(PAPER, components=20, learning_rate=0.02, epochs=100)
+    config = replace(PAPER, components=20).with_training(learning_rate=0.02, epochs=100)
     result = fit(offset, *mesh, config, device="cpu")
     assert result.reconstruction < 0.01 * 0.5 * (offset**2).sum(axis=(1, 2)).mean()

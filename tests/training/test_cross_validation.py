@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,13 +9,13 @@ from deformer import HandleSolver, MeshSequence, train
 from deformer.errors import InputError
 from deformer.geometry.geodesics import Geodesics
 from deformer.geometry.sampling import farthest_points
-from deformer.network.config import PRESETS, ModelConfig
+from deformer.network.config import FactorisationSettings, ModelConfig
 from deformer.training import trainer as learning
 from deformer.training.cross_validation import recovery_errors
 from deformer.training.factorisation import factor
 from shapes import bend, sequence, tube, twist
 
-QUICK = replace(PRESETS["default"], components=4, epochs=4, mirrored=False)
+QUICK = ModelConfig(components=4, training=FactorisationSettings(epochs=4), mirrored=False)
 
 
 def test_errors_are_those_of_the_shapes_left_out():
@@ -64,7 +62,7 @@ def test_components_are_less_sparse_only_where_that_recovers_more(least, chosen,
 
     monkeypatch.setattr(learning, "recovery_errors", scripted)
     model = train(sequence(6), config=QUICK, device="cpu")
-    assert model.config.sparsity == chosen
+    assert model.config.training.sparsity == chosen
     assert model.handle_noise == learning._NOISES[2]
     assert next(tried, None) is None
 
@@ -83,14 +81,14 @@ def test_poses_of_every_noise_are_relaxed_to_the_end(monkeypatch):
         return np.zeros(len(offered))
 
     monkeypatch.setattr(learning, "recovery_errors", scripted)
-    train(sequence(12), config=replace(QUICK, sparsity=2.0), device="cpu")
+    train(sequence(12), config=QUICK.with_training(sparsity=2.0), device="cpu")
     later, cold = meshes
     assert np.abs(later - cold).max() < 5e-3
 
 
 def test_a_sparsity_that_is_given_is_kept():
-    model = train(sequence(12), config=replace(QUICK, sparsity=1.5), device="cpu")
-    assert model.config.sparsity == 1.5
+    model = train(sequence(12), config=QUICK.with_training(sparsity=1.5), device="cpu")
+    assert model.config.training.sparsity == 1.5
 
 
 def test_many_clean_examples_of_few_motions_ask_for_less_sparsity():
@@ -101,10 +99,10 @@ def test_many_clean_examples_of_few_motions_ask_for_less_sparsity():
     angles[0] = 0
     poses = np.stack([bend(twist(base.vertices, 0.8 * a), 1.2 * b) for a, b in angles])
     known, unseen = MeshSequence(poses[:80], base.faces), poses[80:]
-    config = replace(PRESETS["default"], components=20, epochs=30)
+    config = ModelConfig(components=20, training=FactorisationSettings(epochs=30))
     chosen = train(known, config=config, device="cpu")
-    assert (chosen.config.sparsity or 2.0) < 2.0
-    sparse = train(known, config=replace(config, sparsity=2.0), device="cpu")
+    assert (chosen.config.training.sparsity or 2.0) < 2.0
+    sparse = train(known, config=config.with_training(sparsity=2.0), device="cpu")
     handles = farthest_points(chosen.geodesics, 10, 0)
     missed = []
     for model in (chosen, sparse):
@@ -134,8 +132,6 @@ def test_control_c_while_settings_are_chosen_is_passed_on():
         train(sequence(12), config=QUICK, device="cpu", on_progress=stop)
 
 
-def test_only_a_factorisation_within_a_training_chooses():
-    with pytest.raises(InputError, match="sparsity"):
-        ModelConfig(sparsity=None)
+def test_only_a_whole_training_chooses():
     with pytest.raises(InputError, match="sparsity"):
         factor(np.zeros((2, 3, 9)), None, None, None, None, QUICK)  # type: ignore[arg-type]

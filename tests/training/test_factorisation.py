@@ -11,14 +11,14 @@ from deformer.acap.features import FeatureExtractor, FeatureScaler, extract_all
 from deformer.errors import InputError
 from deformer.geometry.geodesics import Geodesics
 from deformer.geometry.mesh import one_rings
-from deformer.network.config import PRESETS, ModelConfig
+from deformer.network.config import FactorisationSettings, ModelConfig, resolve_config
 from deformer.network.decoder import Decoder
 from deformer.training.checkpoints import has_checkpoint
 from deformer.training.factorisation import factor
 from deformer.training.sparse_components import Factorisation
 from shapes import sequence
 
-CONFIG = replace(PRESETS["default"], components=4, epochs=12, sparsity=2.0)
+CONFIG = ModelConfig(components=4, training=FactorisationSettings(epochs=12, sparsity=2.0))
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def test_code_zero_is_the_undeformed_shape(data):
     rings = one_rings(mesh.faces, len(mesh.vertices))
     errors = []
     for components in (1, 3, 6):
-        config = replace(CONFIG, components=components, sparsity=0.05, epochs=30)
+        config = replace(CONFIG, components=components).with_training(sparsity=0.05, epochs=30)
         decoder = Decoder(factor(*data, config).weights, scaler, *rings)
         rest = decoder.features(np.zeros(components))
         np.testing.assert_allclose(
@@ -121,10 +121,9 @@ def test_a_checkpoint_of_other_shapes_is_refused(data, tmp_path):
     with pytest.raises(InputError, match="other shapes"):
         factor(0.9 * x, *rest, CONFIG, checkpoint=tmp_path, resume=True)
     with pytest.raises(InputError, match="other config"):
-        factor(x, *rest, replace(CONFIG, sparsity=1.0), checkpoint=tmp_path, resume=True)
+        factor(x, *rest, CONFIG.with_training(sparsity=1.0), checkpoint=tmp_path, resume=True)
 
 
-@pytest.mark.parametrize("change", [{"layers": (9, 9)}, {"layers": (7,)}, {"encoder": "network"}])
-def test_what_cannot_be_factored_is_refused(change):
-    with pytest.raises(InputError, match=r"factorisation.*gradients"):
-        ModelConfig(method="factorisation", **change)
+def test_what_is_trained_by_adam_is_not_factored(data):
+    with pytest.raises(InputError, match="factorisation"):
+        factor(*data, resolve_config("paper"))

@@ -440,6 +440,6 @@ def _describe(model: DeformationModel) -> dict[str, Any]:
         "names": {str(k): name for k, name in model.names.items()},
         "bounding_diagonal": reference.bounding_diagonal,
         "split": {part: len(indices) for part, indices in (model.split or {}).items()},
-        "config": console.plain(model.config),
+        "config": model.config.as_dict(),
         "summary": console.plain(model.summary),
     }
