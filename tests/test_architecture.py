@@ -3,6 +3,7 @@
 import ast
 import importlib
 import inspect
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -186,6 +187,17 @@ def test_exports_are_there_and_no_submodule_hides_one(package):
     inside = {path.stem for path in folder.glob("*.py")} | {p.name for p in folder.glob("*/")}
     hidden = {name for name in names & inside if not inspect.ismodule(getattr(module, name))}
     assert not hidden, "an export has the name of a submodule"
+
+
+def test_the_map_shows_what_is_there():
+    """CONTRIBUTING's table of packages, from the top down, and every file that it names."""
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \|[^|]*\| `(\w+\.py)` \|$", text, re.MULTILINE)
+    assert tuple(package for package, _ in reversed(rows)) == LIBRARY_PACKAGES
+    named = {f"{package}/{file}" for package, file in rows}
+    named |= set(re.findall(r"`([\w/]+/\w+\.py)`", text))
+    for name in sorted(named):
+        assert any((root / name).is_file() for root in (ROOT, LIBRARY, APPLICATION)), name
 
 
 def test_the_contract_is_public():
