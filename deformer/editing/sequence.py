@@ -37,8 +37,8 @@ _AHEAD = 32
 _UNSEEN = 1e-4
 # Every so many frames handle positions are measured by all vertices.
 _MEASURED = 4
-# Most joint steps before and after handle positions are measured, and the relative gains below
-# which a step is not worth it.
+# Most joint steps before and after handle positions are measured, and the relative gains that a
+# step promises which is the last one.
 _STEPS = 10
 _ROUGH_GAIN = 2e-2
 _GAIN = 1e-3
@@ -244,7 +244,7 @@ class _Problem:
             P: (m, H, 3) handle positions there.
             offset: (m, H, 3) that is added to those by landmarks.
             before: unknowns of the frames before.
-            enough: relative gain that a step must promise.
+            enough: a step that promises a relative gain below this is the last one.
 
         Returns:
             X, P, and the steps taken.
@@ -257,9 +257,10 @@ class _Problem:
             A, gradient = self._normal_equations(window, X, P, J)
             gradient += self._stiffness * roughness.times(before[:, :n], X[:, :n])
             step = roughness.solve(A, gradient, self._stiffness, damping)
-            if (gradient * step).sum() <= enough * energy:
-                return X, P, count
-            if far:
+            # The last step is taken too: the sum over all frames promises little, one of them
+            # may still have much to gain, and all that it costs is an evaluation.
+            last = (gradient * step).sum() <= enough * energy
+            if far and not last:
                 J, far = self._backend.jacobians(self.codes(X)), False
                 A, gradient = self._normal_equations(window, X, P, J)
                 gradient += self._stiffness * roughness.times(before[:, :n], X[:, :n])
@@ -272,11 +273,13 @@ class _Problem:
                 if value <= energy:
                     break
                 damping *= 30.0
-                if damping > 1e6:
+                if last or damping > 1e6:
                     return X, P, count
                 step = roughness.solve(A, gradient, self._stiffness, damping)
             far = energy - value > _FAR * energy
             X, P, energy, damping = trial, there, value, max(damping / 30.0, 1e-9)
+            if last:
+                return X, P, count + 1
         return X, P, _STEPS
 
     def _misfit(self, window: slice, X: FloatArray, P: FloatArray) -> FloatArray:
