@@ -3,7 +3,7 @@ PYTHON ?= python3
 WORKERS ?= 2
 BIN := .venv/bin
 
-.PHONY: demo edit test lint check clean
+.PHONY: demo edit test test-quick test-oldest test-processors lint check clean
 
 demo: .venv/run.stamp
 	$(BIN)/deformer demo
@@ -12,8 +12,26 @@ edit: .venv/run.stamp
 	$(BIN)/deformer edit
 
 # Threads that spin while they wait would take the cores from the other workers.
+CALM := OMP_WAIT_POLICY=PASSIVE OPENBLAS_NUM_THREADS=1
+QUICK := -m "not slow and not window"
+
 test: .venv/test.stamp
-	OMP_WAIT_POLICY=PASSIVE OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n $(WORKERS)
+	$(CALM) $(BIN)/pytest -n $(WORKERS)
+
+test-quick: .venv/test.stamp
+	$(CALM) $(BIN)/pytest -n $(WORKERS) $(QUICK)
+
+# The oldest versions of what pyproject.toml asks for. Numba keeps one version's kernels a folder.
+test-oldest: .venv-oldest/test.stamp
+	$(CALM) NUMBA_CACHE_DIR=$(CURDIR)/.venv-oldest/kernels .venv-oldest/bin/pytest -n $(WORKERS)
+
+# Kernels compiled for older processors, which round differently, and one core in place of all.
+test-processors: .venv/test.stamp
+	for cpu in generic haswell; do \
+	  $(CALM) NUMBA_CPU_NAME=$$cpu NUMBA_CACHE_DIR=$(CURDIR)/.venv/kernels-$$cpu \
+	    $(BIN)/pytest -n $(WORKERS) $(QUICK) || exit 1; \
+	done
+	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 taskset -c 0 $(BIN)/pytest $(QUICK)
 
 lint: .venv/test.stamp
 	$(BIN)/ruff check
@@ -31,5 +49,10 @@ check: lint test
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[app,test]"
 	touch $@
 
+.venv-oldest/test.stamp: pyproject.toml constraints-oldest.txt
+	test -x .venv-oldest/bin/python || $(PYTHON) -m venv .venv-oldest
+	.venv-oldest/bin/python -m pip install --quiet --constraint constraints-oldest.txt --editable ".[app,test]"
+	touch $@
+
 clean:
-	rm -rf .venv demo-out
+	rm -rf .venv .venv-oldest demo-out

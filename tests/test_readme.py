@@ -31,6 +31,7 @@ def walk(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
 def test_shell_blocks_run(walk):
     # A `deformer` on the path that is the one under test, and quick to train.

@@ -233,6 +233,7 @@ def test_motion_is_measured_where_shapes_are_in_order(tmp_path, bar, tiny):
         assert {(protocol, "STED"), (protocol, "STED_temporal")} <= metrics
 
 
+@pytest.mark.slow
 def test_the_same_again_computes_nothing_and_gives_the_same(tmp_path, source, monkeypatch, tiny):
     chosen = study(source, "tiny", "autoencoder", "arap", protocols=("sparse_control",))
     first = evaluate([chosen], tmp_path / "a")
@@ -243,37 +244,55 @@ def test_the_same_again_computes_nothing_and_gives_the_same(tmp_path, source, mo
     assert evaluate([chosen], tmp_path / "a") == first
 
 
+@pytest.mark.slow
 def test_parallel_equals_serial(tmp_path, source):
-    chosen = study(source, "autoencoder", "arap", "biharmonic-nearest", splits=2, tests=2)
+    methods = "autoencoder", "arap", "biharmonic-nearest"
+    chosen = study(source, *methods, splits=2, tests=2, components=(4,))
     told = []
     serial = evaluate([chosen], tmp_path / "serial")
     parallel = evaluate([chosen], tmp_path / "parallel", 2, lambda *event: told.append(event))
     assert [event[0] for event in told] == list(range(told[0][1] + 1))
+    assert {row["method"] for row in serial} == set(methods)
     for one, other in zip(values(serial), values(parallel), strict=True):
         # Compiled kernels may round differently where they were compiled and where they are kept.
         assert one == {**other, "value": pytest.approx(other["value"], rel=1e-4)}
 
 
-RUN = """
+KILLED = {
+    "protocols": ("sparse_control",),
+    "components": (3,),
+    "at": 3,
+    "splits": 2,
+    "seeds": 2,
+    "tests": 3,
+}
+RUN = f"""
 import sys
 from pathlib import Path
 from deformer.evaluation import Source, Study, evaluate
 if __name__ == "__main__":
     source = Source.at("bar", sys.argv[1])
-    study = Study(source, ("autoencoder", "arap"), ("sparse_control",), (3,), 3, (5, 9),
-                  splits=2, seeds=2, epochs=int(sys.argv[4]), tests=3)
+    study = Study(source, ("autoencoder", "arap"), counts=(5, 9), epochs=3, **{KILLED})
     evaluate([study], Path(sys.argv[2]), int(sys.argv[3]), lambda d, t, _: print(d, t, flush=True))
 """
 
 
+@pytest.fixture(scope="module")
+def whole_run(bar, tmp_path_factory):
+    """Rows of the run that another test kills, had it not been."""
+    source = Source.at("bar", bar)
+    rows = evaluate([study(source, "autoencoder", "arap", **KILLED)], tmp_path_factory.mktemp("a"))
+    return values(rows)
+
+
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
 @pytest.mark.parametrize("processes", [1, 2])
-def test_a_killed_run_goes_on_where_it_stopped(tmp_path, bar, processes):
+def test_a_killed_run_goes_on_where_it_stopped(tmp_path, bar, source, whole_run, processes):
     script = tmp_path / "run.py"
     script.write_text(RUN)
-    command = [sys.executable, str(script), bar]
     run = subprocess.Popen(
-        [*command, str(tmp_path / "killed"), str(processes), "4"],
+        [sys.executable, str(script), bar, str(tmp_path), str(processes)],
         stdout=subprocess.PIPE,
         text=True,
         start_new_session=True,
@@ -289,18 +308,16 @@ def test_a_killed_run_goes_on_where_it_stopped(tmp_path, bar, processes):
     while _alive(run.pid) and time.monotonic() < deadline:
         time.sleep(0.1)
     assert not _alive(run.pid)
-    kept = len((tmp_path / "killed" / "journal.jsonl").read_bytes().splitlines())
-    assert kept >= 4
-    done = subprocess.run(
-        [*command, str(tmp_path / "killed"), "1", "4"], capture_output=True, text=True, check=True
+    kept = len((tmp_path / "journal.jsonl").read_bytes().splitlines())
+    told = []
+    rows = evaluate(
+        [study(source, "autoencoder", "arap", **KILLED)],
+        tmp_path,
+        report=lambda done, total, _: told.append((done, total)),
     )
-    assert int(done.stdout.split()[0]) >= 4, "began anew"
-    subprocess.run([*command, str(tmp_path / "whole"), "1", "4"], capture_output=True, check=True)
-    killed, whole = (
-        values(json.loads((tmp_path / name / "results.json").read_text()))
-        for name in ("killed", "whole")
-    )
-    for one, other in zip(killed, whole, strict=True):
+    assert told[0][0] == kept >= 4, "began anew"
+    assert told[-1][0] == told[-1][1] > kept, "nothing was left to do"
+    for one, other in zip(values(rows), whole_run, strict=True):
         assert one == {**other, "value": pytest.approx(other["value"], rel=1e-4)}
 
 
@@ -318,14 +335,14 @@ def _alive(group):
 
 def test_a_line_that_a_crash_cut_off_is_dropped(tmp_path):
     row = dict.fromkeys(COLUMNS, 0)
-    journal = Journal(tmp_path / "journal.jsonl")
-    journal.add("first", [row])
-    with journal._path.open("ab") as file:
+    path = tmp_path / "journal.jsonl"
+    Journal(path).add("first", [row])
+    with path.open("ab") as file:
         file.write(b'{"key": "second", "ro')
-    again = Journal(tmp_path / "journal.jsonl")
+    again = Journal(path)
     assert "first" in again and "second" not in again
     again.add("third", [row])
-    assert "third" in Journal(tmp_path / "journal.jsonl")
+    assert "third" in Journal(path)
     (tmp_path / "notes.txt").write_text("not\na journal\n")
     with pytest.raises(InputError, match="line 1"):
         Journal(tmp_path / "notes.txt")

@@ -211,6 +211,7 @@ def test_train_reports_progress_on_stderr_only(run, shapes_path, tmp_path):
     assert "3/3" in err and "sparsity" in err
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 def test_an_interrupted_training_is_saved_and_resumed(shapes_path, tmp_path, run, refuse):
     model = tmp_path / "model"
@@ -248,6 +249,7 @@ def test_info_without_a_model_lists_the_shipped_ones(run, run_json):
     assert run("info")[0] == 0
 
 
+@pytest.mark.slow
 def test_demo_on_a_small_model(run_json, run, model_path, tmp_path):
     result = run_json("demo", "--model", model_path, "-o", tmp_path / "out")
     assert result["frames"] == 101

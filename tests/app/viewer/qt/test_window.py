@@ -20,6 +20,7 @@ from paths import ROOT
 from shapes import sequence, small_model
 from waiting import wait_for
 
+pytestmark = pytest.mark.window
 pytest.importorskip("PySide6", reason='needs Qt: pip install "deformer[app]"')
 pytest.importorskip("pyvistaqt", reason='needs pyvistaqt: pip install "deformer[app]"')
 
