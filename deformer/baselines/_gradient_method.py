@@ -25,8 +25,8 @@ from deformer.training import (
     HandleFit,
     LocalisedSettings,
     choose_noise,
+    fit_each_noise,
     localised_components,
-    one_by_one,
 )
 
 # Root mean square strains that weigh as much as one standard deviation of the prior.
@@ -100,7 +100,7 @@ class GradientSplocsMethod(GradientMethod):
 
     Args:
         settings: of the decomposition; None is its default.
-        noise: of handle fits; None chooses it when learning.
+        noise: of handle fits; None chooses it in `fit`.
     """
 
     def __init__(
@@ -136,7 +136,7 @@ class GradientSplocsMethod(GradientMethod):
 
         def trial(kept: IntArray) -> HandleFit:
             rounds = min(self.settings.rounds, _ROUNDS_OF_A_TRIAL)
-            return one_by_one(learn(q[kept], replace(self.settings, rounds=rounds)).fit)
+            return fit_each_noise(learn(q[kept], replace(self.settings, rounds=rounds)).fit)
 
         noise = self.noise or choose_noise(trial, shapes, geodesics, NOISES, seed)
         self._take(learn(q, self.settings), noise)

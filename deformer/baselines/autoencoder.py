@@ -14,7 +14,7 @@ from deformer.errors import InputError
 from deformer.geometry import FloatArray, MeshSequence
 from deformer.model import DeformationModel
 from deformer.network import ModelConfig
-from deformer.training import trainer as learning
+from deformer.training import train
 
 
 class Autoencoder:
@@ -22,7 +22,7 @@ class Autoencoder:
 
     Args:
         model: a trained model, which can be used at once; `fit` replaces it.
-        config: "default", "paper" or a ModelConfig, see `learning.train`.
+        config: "default", "paper" or a ModelConfig, see `train`.
         epochs: training steps; None keeps the config's.
         device: "cpu", "cuda", "mps" or "auto".
         hard: handles are met exactly, with rigid relaxation; otherwise closely, and the shape is
@@ -55,7 +55,7 @@ class Autoencoder:
 
     def fit(self, shapes: MeshSequence, components: int, seed: int = 0) -> Self:
         """Train with K = `components` latent dimensions; shape 0 is the reference."""
-        self._model = learning.train(
+        self._model = train(
             shapes,
             components,
             config=self.config,

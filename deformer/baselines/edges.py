@@ -33,8 +33,8 @@ from deformer.training import (
     HandleFit,
     LocalisedSettings,
     choose_noise,
+    fit_each_noise,
     localised_components,
-    one_by_one,
 )
 
 # Misfits of an edge's feature that weigh as much as one standard deviation of the prior.
@@ -101,7 +101,7 @@ class EdgeSplocs:
 
         def trial(kept: IntArray) -> HandleFit:
             rounds = min(self.settings.rounds, _ROUNDS_OF_A_TRIAL)
-            return one_by_one(learn(kept, replace(self.settings, rounds=rounds)).fit)
+            return fit_each_noise(learn(kept, replace(self.settings, rounds=rounds)).fit)
 
         self._chosen = self.noise or choose_noise(trial, shapes, geodesics, NOISES, seed)
         self._deformation = learn(np.arange(len(shapes)), self.settings)

@@ -17,7 +17,7 @@ from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, MeshSequence
 from deformer.model import DeformationModel, fit_prior
 from deformer.network import ModelConfig
-from deformer.training import HandleFit, choose_noise, one_by_one
+from deformer.training import HandleFit, choose_noise, fit_each_noise
 
 
 class LinearComponents(GradientMethod):
@@ -32,8 +32,8 @@ class LinearComponents(GradientMethod):
 
     Args:
         model: a trained model; None trains one on the shapes given to `fit`.
-        config, epochs, device: of that training, see `learning.train`.
-        noise: of handle fits; None chooses it when learning. The components stay those of all
+        config, epochs, device: of that training, see `train`.
+        noise: of handle fits; None chooses it in `fit`. The components stay those of all
             training shapes then; only the prior is without the shapes left out.
     """
 
@@ -82,7 +82,7 @@ class LinearComponents(GradientMethod):
 
         def trial(kept: IntArray) -> HandleFit:
             prior = fit_prior(codes[kept])
-            return one_by_one(DataDrivenDeformation(space, prior, codes[kept]).fit)
+            return fit_each_noise(DataDrivenDeformation(space, prior, codes[kept]).fit)
 
         noise = self.noise or choose_noise(trial, shapes, model.geodesics, NOISES, seed)
         self._take(DataDrivenDeformation(space, fit_prior(codes), codes), noise)

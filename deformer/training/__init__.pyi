@@ -1,11 +1,10 @@
-from . import trainer as trainer
 from .checkpoints import (
     has_checkpoint as has_checkpoint,
 )
 from .cross_validation import (
     HandleFit as HandleFit,
     choose_noise as choose_noise,
-    one_by_one as one_by_one,
+    fit_each_noise as fit_each_noise,
 )
 from .loop import (
     TrainingProgress as TrainingProgress,

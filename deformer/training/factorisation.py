@@ -3,7 +3,7 @@
 Where the encoder is a projection the network is its decoder alone, x = tanh(C z + b). In front of
 the tanh that is a factorisation, and a factorisation has better steps than gradients: codes and
 components are each the best for the other in turn, with the sparse localised components of
-`localised.Factorisation`.
+`sparse_components.Factorisation`.
 """
 
 from __future__ import annotations

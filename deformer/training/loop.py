@@ -27,8 +27,8 @@ class TrainingProgress:
     """What a progress callback is told.
 
     `stage` is "features" (done of total shapes), "training" (done of total epochs) or
-    "calibration" (done of total epochs and handle fits of trials); the loss terms are weighted as
-    they enter the loss, and zero outside of training.
+    "cross-validation" (done of total epochs and handle fits of trials); the loss terms are weighted
+    as they enter the loss, and zero outside of training.
     """
 
     stage: str

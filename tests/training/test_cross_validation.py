@@ -10,8 +10,8 @@ from deformer.errors import InputError
 from deformer.geometry.geodesics import Geodesics
 from deformer.geometry.sampling import farthest_points
 from deformer.network.config import FactorisationSettings, ModelConfig
-from deformer.training import trainer as learning
-from deformer.training.cross_validation import recovery_errors
+from deformer.training import settings_search
+from deformer.training.cross_validation import held_out_errors
 from deformer.training.factorisation import factor
 from shapes import bend, sequence, tube, twist
 
@@ -35,12 +35,12 @@ def test_errors_are_those_of_the_shapes_left_out():
         return fit
 
     noises = (0.1, 0.2, 0.4)
-    errors = recovery_errors(learn, shapes, Geodesics(shapes.mesh(0)), noises, 0)
+    errors = held_out_errors(learn, shapes, Geodesics(shapes.mesh(0)), noises, 0)
     assert errors is not None
     np.testing.assert_allclose(errors, np.log(noises))
     assert asked == [(count, (0.4, 0.2, 0.1)) for count in (10, 10, 10, 40, 40, 40)]
     few = shapes.subset([0, 1, 2])
-    assert recovery_errors(learn, few, Geodesics(few.mesh(0)), noises, 0) is None
+    assert held_out_errors(learn, few, Geodesics(few.mesh(0)), noises, 0) is None
 
 
 @pytest.mark.parametrize(
@@ -55,15 +55,15 @@ def test_errors_are_those_of_the_shapes_left_out():
 def test_components_are_less_sparse_only_where_that_recovers_more(least, chosen, monkeypatch):
     tried = iter(least)
 
-    def scripted(learn, shapes, geodesics, noises, seed):
+    def scripted(train_on, shapes, geodesics, noises, seed):
         errors = np.full(len(noises), 1.0)
         errors[2] = next(tried)
         return errors
 
-    monkeypatch.setattr(learning, "recovery_errors", scripted)
+    monkeypatch.setattr(settings_search, "held_out_errors", scripted)
     model = train(sequence(6), config=QUICK, device="cpu")
     assert model.config.training.sparsity == chosen
-    assert model.handle_noise == learning._NOISES[2]
+    assert model.handle_noise == settings_search.HANDLE_NOISES[2]
     assert next(tried, None) is None
 
 
@@ -71,16 +71,16 @@ def test_poses_of_every_noise_are_relaxed_to_the_end(monkeypatch):
     """So that noises compare: by way of a larger one, a noise gives the pose of a cold solve."""
     meshes = []
 
-    def scripted(learn, shapes, geodesics, offered, seed):
+    def scripted(train_on, shapes, geodesics, noises, seed):
         control = farthest_points(geodesics, 6, seed)
-        fit = learn(np.arange(6))
+        fit = train_on(np.arange(6))
         # Targets that no example comes near: exact handles have much to do.
         targets = shapes.vertices[8, control] * [1.0, 1.5, 1.0]
-        for noises in ([0.008, 0.002], [0.002]):
-            meshes.append(list(fit(control, targets, noises))[-1])
-        return np.zeros(len(offered))
+        for tried in ([0.008, 0.002], [0.002]):
+            meshes.append(list(fit(control, targets, tried))[-1])
+        return np.zeros(len(noises))
 
-    monkeypatch.setattr(learning, "recovery_errors", scripted)
+    monkeypatch.setattr(settings_search, "held_out_errors", scripted)
     train(sequence(12), config=QUICK.with_training(sparsity=2.0), device="cpu")
     later, cold = meshes
     assert np.abs(later - cold).max() < 5e-3
@@ -118,14 +118,14 @@ def test_many_clean_examples_of_few_motions_ask_for_less_sparsity():
 def test_progress_counts_all_that_trials_do():
     seen = []
     train(sequence(12), config=QUICK, device="cpu", on_progress=seen.append)
-    counted = [(p.done, p.total) for p in seen if p.stage == "calibration"]
-    total = 3 * (4 + 6 * len(learning._NOISES))  # sparsities, rounds, fits, noises
+    counted = [(p.done, p.total) for p in seen if p.stage == "cross-validation"]
+    total = 3 * (4 + 6 * len(settings_search.HANDLE_NOISES))  # sparsities, rounds, fits, noises
     assert counted == [(n, total) for n in range(1, total + 1)]
 
 
 def test_control_c_while_settings_are_chosen_is_passed_on():
     def stop(progress):
-        if progress.stage == "calibration" and progress.done == 2:  # once, as a key does
+        if progress.stage == "cross-validation" and progress.done == 2:  # once, as a key does
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -134,4 +134,4 @@ def test_control_c_while_settings_are_chosen_is_passed_on():
 
 def test_only_a_whole_training_chooses():
     with pytest.raises(InputError, match="sparsity"):
-        factor(np.zeros((2, 3, 9)), None, None, None, None, QUICK)  # type: ignore[arg-type]
+        factor(np.zeros((2, 3, 9)), None, None, QUICK)  # type: ignore[arg-type]

@@ -1,0 +1,105 @@
+"""Choice of λ₁ and of the handle noise by cross-validation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+
+from deformer.editing import HandleSolver
+from deformer.geometry import FloatArray, IntArray
+from deformer.network import ModelConfig
+from deformer.training.cross_validation import HandleFit, held_out_errors, held_out_fits
+from deformer.training.loop import ProgressCallback, TrainingProgress
+from deformer.training.training_set import TrainingSet
+
+# Candidate noises of handle fits, in bounding diagonals. Smaller ones recover more from many
+# handles, but lead to a wrong pose now and then where there are fewer than those tried here.
+HANDLE_NOISES = (0.0005, 0.001, 0.002, 0.004, 0.008)
+# Candidate values of λ₁, the sparsest components first.
+SPARSITIES = (2.0, 0.2, 0.02)
+# Rounds of a factorisation that only serves the choice.
+_TRIAL_EPOCHS = 15
+# By how much the logarithm of the error has to fall for less sparse components: three shapes do
+# not tell smaller gains apart.
+_LEAST_GAIN = 0.15
+
+
+class SettingsSearch:
+    """Finds λ₁, if the configuration leaves it open, and the noise of handle fits.
+
+    Shorter trainings on most examples are measured on the others. How many examples there are for
+    a set's degrees of freedom decides how sparse the components have to be: the largest λ₁ that is
+    nearly the best is chosen.
+
+    Args:
+        examples: the training set.
+        config: trained by factorisation.
+        on_progress: called after every round and handle fit, with the stage "cross-validation".
+    """
+
+    def __init__(
+        self, examples: TrainingSet, config: ModelConfig, on_progress: ProgressCallback | None
+    ) -> None:
+        """Count the steps."""
+        self._examples, self._config, self._on_progress = examples, config, on_progress
+        given = config.training.sparsity
+        self._sparsities = SPARSITIES if given is None else (given,)
+        self._epochs = min(_TRIAL_EPOCHS, config.training.epochs)
+        fits = held_out_fits(len(examples.shapes)) * len(HANDLE_NOISES)
+        self._total = len(self._sparsities) * (self._epochs + fits)
+        self._done = 0
+
+    def run(self) -> tuple[ModelConfig, float]:
+        """The configuration with its λ₁, and the handle noise in bounding diagonals.
+
+        Raises:
+            KeyboardInterrupt: Ctrl-C; nothing is trained yet.
+        """
+        errors = {sparsity: self._errors(sparsity) for sparsity in self._sparsities}
+        measured = {sparsity: found for sparsity, found in errors.items() if found is not None}
+        if not measured:
+            return self._config.with_training(sparsity=self._sparsities[0]), HANDLE_NOISES[-1]
+        least = min(found.min() for found in measured.values())
+        sparsity, found = next(
+            entry for entry in measured.items() if entry[1].min() <= least + _LEAST_GAIN
+        )
+        noise = HANDLE_NOISES[int(found.argmin())]
+        return self._config.with_training(sparsity=sparsity), noise
+
+    def _errors(self, sparsity: float) -> FloatArray | None:
+        """Logarithmic errors of shapes left out, by handle noise; None with too few shapes."""
+        config = self._config.with_training(sparsity=sparsity, epochs=self._epochs)
+        examples = self._examples
+        train = partial(self._train, config)
+        return held_out_errors(train, examples.shapes, examples.geodesics, HANDLE_NOISES, 0)
+
+    def _train(self, config: ModelConfig, indices: IntArray) -> HandleFit:
+        """Handle fits of a model that is trained on some of the shapes."""
+        examples = self._examples.subset(indices)
+        result = examples.train_network(config, on_progress=self._report)
+        if result.interrupted:
+            raise KeyboardInterrupt
+        solver = HandleSolver(examples.build_model(result.weights, config, {}, {}))
+        return partial(self._poses, solver)
+
+    def _poses(
+        self, solver: HandleSolver, vertices: IntArray, targets: FloatArray, noises: Sequence[float]
+    ) -> Iterator[FloatArray]:
+        """Poses (V, 3) by exact handles, one for each noise."""
+        solver.set_handles(vertices, targets, hard=True)
+        for number, noise in enumerate(noises):
+            solver.lean(noise=noise)
+            if number == 0:
+                pose = solver.solve()
+            else:
+                # On from the last noise: sooner, if now and then in another minimum.
+                solver.settle()
+                # As a cold solve gives it.
+                pose = solver.relax()
+            yield pose.vertices
+            self._report()
+
+    def _report(self, _: TrainingProgress | None = None) -> None:
+        self._done += 1
+        if self._on_progress is not None:
+            self._on_progress(TrainingProgress("cross-validation", self._done, self._total))

@@ -1,0 +1,161 @@
+"""What a network is trained on: example shapes, prepared, and their scaled features."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from deformer.acap import FeatureExtractor, FeatureScaler, extract_all
+from deformer.geometry import FloatArray, Geodesics, IntArray, Mesh, MeshSequence, align
+from deformer.model import (
+    DeformationModel,
+    choose_marks,
+    fit_limits,
+    fit_placement,
+    fit_prior,
+)
+from deformer.network import Decoder, Encoder, FactorisationSettings, ModelConfig, NetworkWeights
+from deformer.training.adam import fit
+from deformer.training.denoising import remove_noise
+from deformer.training.factorisation import factor
+from deformer.training.loop import TrainingResult
+from deformer.training.mirroring import images_explain, mirror_images
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingSet:
+    """Example shapes and what training needs of them.
+
+    Args:
+        shapes: N training shapes, aligned and without noise as the configuration asks.
+        extractor: of features against their reference.
+        scaler: of their features.
+        x: (N or 2N, V, 9) scaled features of the shapes and, if these are trained on, of their
+            mirror images.
+        noise: standard deviation of the noise that was taken off, in bounding diagonals.
+    """
+
+    shapes: MeshSequence
+    extractor: FeatureExtractor
+    scaler: FeatureScaler
+    x: FloatArray
+    noise: float
+
+    @classmethod
+    def prepare(
+        cls,
+        shapes: MeshSequence,
+        reference: Mesh,
+        reference_index: int | None,
+        config: ModelConfig,
+        on_features: Callable[[int, int], None] | None = None,
+    ) -> TrainingSet:
+        """Align, denoise, extract features and add mirror images, as the configuration asks.
+
+        Args:
+            shapes: N training shapes.
+            reference: the undeformed shape.
+            reference_index: of the reference among the shapes; None if it is not one of them.
+            config: its `align`, `denoised` and `mirrored`.
+            on_features: called with the numbers of shapes done and in all.
+        """
+        vertices = shapes.vertices
+        if config.align:
+            vertices = align(vertices, reference.vertices)
+        noise = 0.0
+        if config.denoised:
+            reference, vertices, noise = _denoised(reference, vertices, reference_index)
+        shapes = MeshSequence(vertices, shapes.faces)
+        extractor = FeatureExtractor(reference)
+        q = extract_all(extractor, vertices, on_features)
+        if config.mirrored:
+            q = _with_mirror_images(q, extractor, shapes)
+        scaler = FeatureScaler.fit(q)
+        return cls(shapes, extractor, scaler, scaler.scale(q), noise / reference.bounding_diagonal)
+
+    @property
+    def reference(self) -> Mesh:
+        """The undeformed shape, without noise if it was taken off."""
+        return self.extractor.reference
+
+    @property
+    def mirrored(self) -> bool:
+        """True where mirror images are trained on."""
+        return len(self.x) > len(self.shapes)
+
+    @cached_property
+    def geodesics(self) -> Geodesics:
+        """Geodesic distances over the reference."""
+        return Geodesics(self.reference)
+
+    @cached_property
+    def _bend_vertices(self) -> tuple[IntArray, IntArray]:
+        return choose_marks(self.geodesics)
+
+    def subset(self, indices: IntArray) -> TrainingSet:
+        """The training set of some of the shapes, with the same reference and scaling."""
+        rows = np.concatenate([indices, indices + len(self.shapes)])
+        x = self.x[rows[rows < len(self.x)]]
+        return replace(self, shapes=self.shapes.subset(indices), x=x)
+
+    def train_network(
+        self, config: ModelConfig, *, seed: int = 0, device: str = "cpu", **options: Any
+    ) -> TrainingResult:
+        """Train a network by the configuration's method; `options` as in `factor` and `fit`."""
+        if isinstance(config.training, FactorisationSettings):
+            return factor(self.x, self.scaler, self.geodesics, config, **options)
+        mesh = self.extractor.indptr, self.extractor.rings, self.geodesics
+        return fit(self.x, *mesh, config, seed=seed, device=device, **options)
+
+    def build_model(
+        self,
+        weights: NetworkWeights,
+        config: ModelConfig,
+        split: dict[str, list[int]],
+        summary: dict[str, Any],
+    ) -> DeformationModel:
+        """The model of a trained network, with the statistics of these shapes."""
+        N = len(self.shapes)
+        network = weights, self.scaler, self.extractor.indptr, self.extractor.rings
+        encoder = Encoder(*network, Decoder(*network) if config.projects else None)
+        all_codes = encoder.encode(self.scaler.unscale(self.x))
+        codes, mirrored_codes = all_codes[:N], all_codes[N:]
+        prior = fit_prior(codes, mirrored_codes if self.mirrored else None)
+        model = DeformationModel(
+            self.reference, config, self.scaler, weights, codes, prior, split, summary
+        )
+        vertices, pairs = self._bend_vertices
+        limits = fit_limits(model.decoder_at(vertices), pairs, prior.mean, all_codes)
+        decoded = model.decode(codes)
+        diagonal = self.reference.bounding_diagonal
+        placement = fit_placement(codes, decoded, self.shapes.vertices, diagonal)
+        return replace(model, placement=placement, limits=limits)
+
+
+def _denoised(
+    reference: Mesh, vertices: FloatArray, reference_index: int | None
+) -> tuple[Mesh, FloatArray, float]:
+    """Reference and shapes (N, V, 3) without noise, and the noise's standard deviation."""
+    shapes = vertices
+    if reference_index is None:
+        reference_index = len(vertices)
+        shapes = np.concatenate([vertices, reference.vertices[None]])
+    clean, noise = remove_noise(MeshSequence(shapes, reference.faces))
+    if not noise:
+        return reference, vertices, noise
+    return Mesh(clean[reference_index], reference.faces), clean[: len(vertices)], noise
+
+
+def _with_mirror_images(
+    q: FloatArray, extractor: FeatureExtractor, shapes: MeshSequence
+) -> FloatArray:
+    """Features (N, V, 9), followed by those of the mirror images where these explain shapes."""
+    mirrored = extract_all(extractor, mirror_images(shapes)[0])
+    scaler = FeatureScaler.fit(q)
+    if not images_explain(scaler.scale(q), scaler.scale(mirrored)):
+        return q
+    return np.concatenate([q, mirrored])
