@@ -14,11 +14,11 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from deformer.evaluation.cells import run_job
-from deformer.evaluation.material import Source
+from deformer.evaluation.journal import FAILURE
+from deformer.evaluation.measurements import run_job
 from deformer.evaluation.methods import Setting, known_methods, offers_codes
-from deformer.evaluation.plan import Cell, Job, Training
-from deformer.evaluation.rows import FAILURE
+from deformer.evaluation.plan import Job, Measurement, Training
+from deformer.evaluation.sources import Source
 from deformer.evaluation.splits import random_split
 
 OURS = "autoencoder"
@@ -39,7 +39,7 @@ def main() -> None:
         components = options.components if offers_codes(method) else 0
         setting = Setting(epochs=options.epochs) if method.startswith(OURS) else Setting()
         training = Training(source, split, 0, method, components, setting=setting)
-        job = Job(training, (Cell("training", (), components, 0),))
+        job = Job(training, (Measurement("training", (), components, 0),))
         with tempfile.TemporaryDirectory() as folder:
             found[method] = next(run_job(job, Path(folder)))[1][0]
     table = Table("method", "seconds", f"of {OURS}")

@@ -1,6 +1,8 @@
 from . import paper as paper
-from .material import (
-    Source as Source,
+from .journal import (
+    COLUMNS as COLUMNS,
+    FAILURE as FAILURE,
+    Row as Row,
 )
 from .methods import (
     Setting as Setting,
@@ -20,13 +22,11 @@ from .presets import (
 from .protocols import (
     sparse_control as sparse_control,
 )
-from .rows import (
-    COLUMNS as COLUMNS,
-    FAILURE as FAILURE,
-    Row as Row,
-)
 from .runner import (
     evaluate as evaluate,
+)
+from .sources import (
+    Source as Source,
 )
 from .splits import (
     Split as Split,

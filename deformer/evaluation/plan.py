@@ -1,7 +1,7 @@
-"""Which methods are trained on what, and which cells each of them is then measured in.
+"""Which methods are trained on what, and which measurements are then taken of each.
 
-A plan is made before anything runs. Cells are told apart by a key of all that decides their rows,
-so that an interrupted run goes on, and a changed option computes only what it changes.
+A plan is made before anything runs. Each measurement has a key of all that decides its rows, so
+that an interrupted run goes on, and a changed option computes only what it changes.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 from deformer.errors import InputError
-from deformer.evaluation.material import Source
 from deformer.evaluation.methods import NETWORKS, Setting, known_methods, offers_codes
+from deformer.evaluation.sources import Source
 from deformer.evaluation.splits import Split, limited, random_split, sequence_split
 from deformer.network import PRESETS
 
@@ -34,7 +34,7 @@ NOISE = (0.005, 0.01, 0.02)
 # Control points of the pictures.
 EXAMPLE_COUNT = 20
 # Raised when rows would come out otherwise for the same key.
-_VERSION = 4
+_VERSION = 5
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class Training:
     @property
     def key(self) -> str:
         """Decides the trained method."""
-        return _digest(method=self.method, **self._material())
+        return _digest(method=self.method, **self._facts())
 
     @property
     def network(self) -> str | None:
@@ -133,9 +133,9 @@ class Training:
         """
         if self.method not in NETWORKS:
             return None
-        return _digest(config=NETWORKS[self.method].config, **self._material())
+        return _digest(config=NETWORKS[self.method].config, **self._facts())
 
-    def _material(self) -> dict[str, Any]:
+    def _facts(self) -> dict[str, Any]:
         """What is trained on, and how, as plain values."""
         return {
             "source": [self.source.fingerprint, self.source.align],
@@ -157,7 +157,7 @@ class Training:
 
 
 @dataclass(frozen=True)
-class Cell:
+class Measurement:
     """One measurement of a trained method; all its rows come together.
 
     Args:
@@ -178,11 +178,14 @@ class Cell:
         """Decides the rows."""
         source = training.source
         return _digest(
-            training=training.key, cell=asdict(self), name=source.name, ordered=source.ordered
+            training=training.key,
+            measurement=asdict(self),
+            name=source.name,
+            ordered=source.ordered,
         )
 
     def protocol(self, training: Training) -> str:
-        """Name in rows, without what a cell adds to tell its own passes apart."""
+        """Name in rows, without the parts of one measurement ("/encoder", "/fit")."""
         name: str = self.kind
         if training.setting.lambdas:
             tried = "sensitivity({:g},{:g})".format(*training.setting.lambdas)
@@ -194,26 +197,26 @@ class Cell:
 
 @dataclass(frozen=True)
 class Job:
-    """A training and the cells that it serves."""
+    """A training and the measurements that it serves."""
 
     training: Training
-    cells: tuple[Cell, ...]
+    measurements: tuple[Measurement, ...]
 
 
 def make_plan(studies: list[Study]) -> list[Job]:
     """The jobs of all studies; a training that several protocols or studies need is there once."""
-    cells: dict[Training, dict[Cell, None]] = {}
+    measurements: dict[Training, dict[Measurement, None]] = {}
     for study in studies:
-        for training, cell in _cells(study):
-            cells.setdefault(training, {})[cell] = None
+        for training, measurement in _measurements(study):
+            measurements.setdefault(training, {})[measurement] = None
     return [
-        Job(training, (Cell("training", (), training.components, training.number), *found))
-        for training, found in cells.items()
+        Job(training, (Measurement("training", (), training.components, training.number), *found))
+        for training, found in measurements.items()
     ]
 
 
-def _cells(study: Study) -> list[tuple[Training, Cell]]:
-    found: list[tuple[Training, Cell]] = []
+def _measurements(study: Study) -> list[tuple[Training, Measurement]]:
+    found: list[tuple[Training, Measurement]] = []
     for number, split in enumerate(study.drawn()):
         test = limited(split.test, study.tests, study.source.ordered)
         for method in study.methods:
@@ -224,12 +227,14 @@ def _cells(study: Study) -> list[tuple[Training, Cell]]:
     return found
 
 
-def _of_method(study: Study, base: Training, test: tuple[int, ...]) -> list[tuple[Training, Cell]]:
+def _of_method(
+    study: Study, base: Training, test: tuple[int, ...]
+) -> list[tuple[Training, Measurement]]:
     codes, K, number = offers_codes(base.method), base.components, base.number
-    found: list[tuple[Training, Cell]] = []
+    found: list[tuple[Training, Measurement]] = []
 
     def add(training: Training, kind: Kind, count: int, seed: int = number, noise: float = 0.0):
-        found.append((training, Cell(kind, test, count, seed, noise)))
+        found.append((training, Measurement(kind, test, count, seed, noise)))
 
     def control(training: Training, noise: float = 0.0) -> None:
         for draw in range(study.seeds):

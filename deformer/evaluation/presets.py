@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from deformer.errors import InputError
-from deformer.evaluation.material import Source
 from deformer.evaluation.methods import known_methods, offers_codes
 from deformer.evaluation.plan import LAMBDA_METHOD, Study
+from deformer.evaluation.sources import Source
 from deformer.evaluation.splits import sequence_split
 
 # Options of `Study` that make it short.

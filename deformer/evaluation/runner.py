@@ -10,12 +10,12 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
-from deformer.evaluation.cells import failed, run_job
+from deformer.evaluation.journal import Journal, Row, write_csv
+from deformer.evaluation.measurements import failed, run_job
 from deformer.evaluation.plan import Job, Study, make_plan
-from deformer.evaluation.rows import Journal, Row, write_csv
 from deformer.io import write_json
 
-# Called with the number of finished cells, of all cells, and what is being worked on.
+# Called with the numbers of finished and of all measurements, and what is being worked on.
 Report = Callable[[int, int, str], None]
 
 
@@ -24,8 +24,9 @@ def evaluate(
 ) -> list[Row]:
     """Measure methods on shapes that they have not seen.
 
-    Every finished cell is kept in FOLDER/journal.jsonl, and networks in FOLDER/models: a run that
-    was interrupted or killed goes on when it is started again. Cells that failed are tried again.
+    Every finished measurement is kept in FOLDER/journal.jsonl, and networks in FOLDER/models: a run
+    that was interrupted or killed goes on when it is started again. Measurements that failed are
+    tried again.
 
     Args:
         studies: what to measure.
@@ -44,14 +45,14 @@ def evaluate(
     plan = make_plan(studies)
     folder.mkdir(parents=True, exist_ok=True)
     journal = Journal(folder / "journal.jsonl")
-    total = sum(len(job.cells) for job in plan)
+    total = sum(len(job.measurements) for job in plan)
     pending = [
-        replace(job, cells=cells)
+        replace(job, measurements=missing)
         for job in plan
-        if (cells := tuple(c for c in job.cells if c.key(job.training) not in journal))
+        if (missing := tuple(m for m in job.measurements if m.key(job.training) not in journal))
     ]
-    done = total - sum(len(job.cells) for job in pending)
-    run = _here if processes == 1 else _in_processes
+    done = total - sum(len(job.measurements) for job in pending)
+    run = _in_this_process if processes == 1 else _in_processes
     if report is not None:
         report(done, total, "")
     for text, key, rows in run(pending, folder, processes):
@@ -59,7 +60,8 @@ def evaluate(
         done += 1
         if report is not None:
             report(done, total, text)
-    rows = [row for job in plan for cell in job.cells for row in journal[cell.key(job.training)]]
+    keys = [measurement.key(job.training) for job in plan for measurement in job.measurements]
+    rows = [row for key in keys for row in journal[key]]
     write_json(folder / "results.json", rows)
     write_csv(folder / "results.csv", rows)
     return rows
@@ -68,7 +70,7 @@ def evaluate(
 _Results = Iterator[tuple[str, str, list[Row]]]
 
 
-def _here(jobs: list[Job], folder: Path, _: int) -> _Results:
+def _in_this_process(jobs: list[Job], folder: Path, _: int) -> _Results:
     for job in jobs:
         for key, rows in run_job(job, folder):
             yield job.training.label, key, rows
@@ -76,7 +78,7 @@ def _here(jobs: list[Job], folder: Path, _: int) -> _Results:
 
 @dataclass
 class _Worker:
-    """A process, this end of the pipe to it, and its job with the cells that are still to come."""
+    """A process, this end of the pipe to it, and its job with the measurements still to come."""
 
     process: BaseProcess
     pipe: Connection
@@ -112,8 +114,8 @@ def _in_processes(jobs: list[Job], folder: Path, processes: int) -> _Results:
                     busy.remove(worker)
                     idle.append(worker)
                     continue
-                left = tuple(cell for cell in worker.job.cells if cell.key(training) != key)
-                worker.job = replace(worker.job, cells=left)
+                missing = tuple(m for m in worker.job.measurements if m.key(training) != key)
+                worker.job = replace(worker.job, measurements=missing)
                 yield training.label, key, rows
     finally:
         for worker in (*busy, *idle):
@@ -140,9 +142,9 @@ def _start(folder: Path, job: Job) -> _Worker:
 
 
 def _work(pipe: Connection, folder: Path) -> None:
-    """Body of a worker: jobs come, cells go, None after the last; the end of the pipe is the end.
+    """Body of a worker: receives jobs, sends the rows of their measurements, None after the last.
 
-    So it also ends with a parent that was killed.
+    It ends when the pipe is closed, also by the death of the parent.
     """
     # Ctrl-C goes to all processes of a terminal; the parent decides.
     signal.signal(signal.SIGINT, signal.SIG_IGN)

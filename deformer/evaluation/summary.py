@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from statistics import fmean, stdev
 
-from deformer.evaluation.rows import FAILURE, Row
+from deformer.evaluation.journal import FAILURE, Row
 
 
 @dataclass(frozen=True)

@@ -18,13 +18,13 @@ from bars import bending_bar
 from deformer import InputError, MeshSequence
 from deformer.baselines import METHODS
 from deformer.evaluation import plan as plan_module
-from deformer.evaluation.material import Source, prepare
+from deformer.evaluation.journal import COLUMNS, FAILURE, Journal
 from deformer.evaluation.methods import Setting
 from deformer.evaluation.plan import Study, make_plan
 from deformer.evaluation.presets import QUICK, paper_sources, paper_studies
 from deformer.evaluation.protocols import by_rotation, largest_rotations, sparse_control
-from deformer.evaluation.rows import COLUMNS, FAILURE, Journal
 from deformer.evaluation.runner import evaluate
+from deformer.evaluation.sources import Source, load_split
 from deformer.evaluation.splits import Split, limited, random_split, sequence_split
 from deformer.evaluation.summary import summarise
 from deformer.network.config import PRESETS
@@ -127,7 +127,7 @@ def test_epochs_only_make_trainings_shorter(source, tiny):
         "linear-components": QUICK["epochs"],
         "tiny": None,
     }
-    # What is not made shorter is the same training, and its cells are not computed again.
+    # What is not made shorter is the same training, and its measurements are not computed again.
     assert epochs(steps) == epochs(steps + 1) == epochs(None)
 
 
@@ -176,10 +176,10 @@ def test_no_test_shape_reaches_a_method(tmp_path, monkeypatch, align, ordered):
 
 def test_each_training_sees_its_split_and_its_noise(source):
     split = random_split(24, 0)
-    clean = prepare(source, split, split.test)
+    clean = load_split(source, split, split.test)
     np.testing.assert_array_equal(clean.train.vertices, bending_bar(24).vertices[list(split.train)])
     np.testing.assert_array_equal(clean.test, bending_bar(24).vertices[list(split.test)])
-    noisy = prepare(source, split, split.test, noise=0.01, seed=3)
+    noisy = load_split(source, split, split.test, noise=0.01, seed=3)
     added = noisy.train.vertices - clean.train.vertices
     assert added.std() == pytest.approx(0.01 * clean.reference.bounding_diagonal, rel=0.05)
     np.testing.assert_array_equal(noisy.test, clean.test)
@@ -193,12 +193,12 @@ def test_aligning_takes_rigid_motions_away_and_nothing_else(tmp_path):
     deformer.save_shapes(path, MeshSequence(np.stack(moved), shapes.faces))
     split = Split((0, 1, 2, 3), (4, 5))
     source = Source.at("moved", str(path), align=True)
-    material = prepare(source, split, split.test)
-    for pose, index in zip(material.test, split.test, strict=True):
+    data = load_split(source, split, split.test)
+    for pose, index in zip(data.test, split.test, strict=True):
         assert deformer.e_rms(shapes.vertices[index], pose, "rigid") < 1e-6
         # Already as close to the reference as a rigid motion brings it.
-        best = deformer.e_rms(material.reference.vertices, pose, "rigid")
-        assert deformer.e_rms(material.reference.vertices, pose, "none") == pytest.approx(best)
+        best = deformer.e_rms(data.reference.vertices, pose, "rigid")
+        assert deformer.e_rms(data.reference.vertices, pose, "none") == pytest.approx(best)
 
 
 def test_rows_have_the_contract_and_agree_with_a_direct_computation(tmp_path, source, tiny):
@@ -373,7 +373,7 @@ def test_what_fails_is_a_row_with_its_reason(tmp_path, source, monkeypatch, tiny
     assert {r["value"] for r in failures if r["method"] == "untrainable"} == {
         "RuntimeError: no convergence"
     }
-    # Tried again, and this time well: a failure is not what a cell ends with.
+    # Tried again, and this time well: a failure is not what a measurement ends with.
     monkeypatch.setitem(METHODS, "broken", type("Mended", (TinyPCA,), {"name": "broken"}))
     rows = evaluate([study(source, "broken", "untrainable", "tiny", components=(4,))], tmp_path)
     assert {row["method"] for row in rows if row["metric"] == FAILURE} == {"untrainable"}
@@ -427,13 +427,13 @@ def test_a_training_serves_all_protocols_that_need_it(source, tiny):
     # K = 2, K = 4 and three levels of noise; a method without components has no K.
     assert [t.method for t in trainings].count("tiny") == 2 * 5
     assert [t.method for t in trainings].count("arap") == 2 * 4
-    keys = [cell.key(job.training) for job in jobs for cell in job.cells]
+    keys = [measurement.key(job.training) for job in jobs for measurement in job.measurements]
     assert len(set(keys)) == len(keys)
     control = [
-        (job.training.number, cell.seed)
+        (job.training.number, measurement.seed)
         for job in jobs
-        for cell in job.cells
-        if cell.kind == "sparse_control" and not cell.noise and not job.training.noise
+        for measurement in job.measurements
+        if measurement.kind == "sparse_control" and not measurement.noise and not job.training.noise
     ]
     assert set(control) == {(0, 0), (0, 2), (0, 4), (1, 1), (1, 3), (1, 5)}
 
@@ -441,7 +441,7 @@ def test_a_training_serves_all_protocols_that_need_it(source, tiny):
 def test_keys_tell_apart_what_gives_other_rows(source, tiny):
     def keys(**options):
         jobs = make_plan([study(options.pop("source", source), "tiny", **options)])
-        return {cell.key(job.training) for job in jobs for cell in job.cells}
+        return {measurement.key(job.training) for job in jobs for measurement in job.measurements}
 
     before = keys()
     assert keys() == before
@@ -519,13 +519,13 @@ def test_paper_preset_plans_what_the_paper_shows(tmp_path, tiny):
     assert list(sources) == ["scape", "crane", "horse", "face", "humanoid"]
     assert sources["crane"].align and sources["crane"].ordered and not sources["scape"].ordered
     jobs = make_plan(paper_studies(list(sources.values())))
-    cells = [(job.training, cell) for job in jobs for cell in job.cells]
+    measurements = [(job.training, measurement) for job in jobs for measurement in job.measurements]
 
     def counts(name, method, kind):
         return {
-            cell.count
-            for training, cell in cells
-            if (training.source.name, training.method, cell.kind) == (name, method, kind)
+            measurement.count
+            for training, measurement in measurements
+            if (training.source.name, training.method, measurement.kind) == (name, method, kind)
             and not training.noise
         }
 
@@ -536,16 +536,19 @@ def test_paper_preset_plans_what_the_paper_shows(tmp_path, tiny):
             assert {10, 30, 50} <= counts(name, method, "reconstruction"), "gerror"
             assert {5, 20, 80} <= counts(name, method, "sparse_control"), "sparse_control"
     assert {5, 20, 80} <= counts("scape", "arap", "sparse_control")
-    lambdas = {training.setting.lambdas for training, _ in cells if training.source.name == "scape"}
+    lambdas = {
+        training.setting.lambdas for training, _ in measurements if training.source.name == "scape"
+    }
     assert lambdas == {None, *plan_module.LAMBDAS}, "diff_lambda"
-    for training, cell in cells:
-        assert not set(training.split.train) & set(cell.test)
+    for training, measurement in measurements:
+        assert not set(training.split.train) & set(measurement.test)
         share = len(training.split.train) / training.source.count
         assert share == pytest.approx(36 / 71 if training.source.name == "scape" else 0.1, abs=0.01)
     rows_of = [
-        (t.source.name, t.method, cell.protocol(t), cell.count, cell.seed) for t, cell in cells
+        (t.source.name, t.method, measurement.protocol(t), measurement.count, measurement.seed)
+        for t, measurement in measurements
     ]
-    assert len(set(rows_of)) == len(rows_of), "two cells would give the same rows"
+    assert len(set(rows_of)) == len(rows_of), "two measurements would give the same rows"
 
 
 def test_paper_preset_needs_data(tmp_path):

@@ -10,7 +10,7 @@ import pytest
 
 import deformer
 from bars import bending_bar
-from deformer.evaluation.rows import COLUMNS, FAILURE
+from deformer.evaluation.journal import COLUMNS, FAILURE
 from deformer.evaluation.summary import summarise
 from deformer_app import console
 from deformer_app.cli import main as cli
@@ -147,7 +147,7 @@ def test_an_interrupted_run_says_how_to_go_on(run, folder, monkeypatch, processe
         calls.append(key)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("deformer.evaluation.rows.Journal.add", stop)
+    monkeypatch.setattr("deformer.evaluation.journal.Journal.add", stop)
     status, _, err = run("bar.npz", "-o", "cut", *OPTIONS, "--processes", processes)
     assert (status, len(calls)) == (console.INTERRUPTED, 1)
     assert "the same command goes on" in err

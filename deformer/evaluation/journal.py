@@ -29,12 +29,12 @@ class Row(TypedDict):
 
 
 class Journal:
-    """Rows of finished cells by their keys, on disk: one line of JSON a cell, the last one counts.
+    """Rows of finished measurements by their keys, on disk: a line of JSON for each.
 
-    A line that was cut off by a crash is dropped.
+    The last line of a key counts. A line that was cut off by a crash is dropped.
 
     Args:
-        path: the file; it is made when the first cell is finished.
+        path: the file; it is made when the first measurement is finished.
 
     Raises:
         InputError: the file is there and is no journal.
@@ -62,15 +62,15 @@ class Journal:
                     temporary.write_bytes(b"".join(lines[:-1]))
 
     def __contains__(self, key: str) -> bool:
-        """Whether a cell is finished; one that failed is not, and will be tried again."""
+        """True for a finished measurement; one that failed is not, and will be tried again."""
         return key in self._rows and not any(row["metric"] == FAILURE for row in self._rows[key])
 
     def __getitem__(self, key: str) -> list[Row]:
-        """Rows of a cell that is finished or has failed."""
+        """Rows of a measurement that is finished or has failed."""
         return self._rows[key]
 
     def add(self, key: str, rows: list[Row]) -> None:
-        """Keep a cell's rows; they are on disk when this returns."""
+        """Keep a measurement's rows; they are on disk when this returns."""
         self._rows[key] = rows
         line = json.dumps({"key": key, "rows": rows}, ensure_ascii=False, allow_nan=False)
         with self._path.open("ab") as file:

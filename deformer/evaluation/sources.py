@@ -1,4 +1,4 @@
-"""What a cell of an evaluation works on: one data set, split, aligned and, on request, noisy.
+"""The data of an evaluation: data sets on disk, split, aligned and, on request, noisy.
 
 Nothing here lets a test shape reach what is trained on: the reference is a training shape, and
 each shape is aligned to it on its own.
@@ -27,7 +27,7 @@ from deformer.io import load_shapes
 
 @dataclass(frozen=True)
 class Source:
-    """A data set on disk and how to take it.
+    """A data set on disk and how to read it.
 
     Args:
         name: its name in rows and tables.
@@ -35,7 +35,7 @@ class Source:
         count: number of shapes.
         fingerprint: of their vertices and faces; a changed file is another data set.
         ordered: the shapes are frames in order of time.
-        align: take each shape's rigid motion against the reference away first.
+        align: remove each shape's rigid motion against the reference first.
         up: axis that points up in pictures.
     """
 
@@ -63,7 +63,7 @@ class Source:
 
 
 @dataclass(frozen=True, eq=False)
-class Material:
+class SplitData:
     """A split data set.
 
     Args:
@@ -85,9 +85,9 @@ class Material:
         return farthest_points(self._geodesics, count, seed)
 
 
-def prepare(
+def load_split(
     source: Source, split: Split, test: tuple[int, ...], noise: float = 0.0, seed: int = 0
-) -> Material:
+) -> SplitData:
     """Load, split and align a data set.
 
     Args:
@@ -108,7 +108,7 @@ def prepare(
         spread = noise * reference.bounding_diagonal
         added = np.random.default_rng(seed).normal(scale=spread, size=train.vertices.shape)
         train = MeshSequence(train.vertices + added, shapes.faces)
-    return Material(train, reference, held_out)
+    return SplitData(train, reference, held_out)
 
 
 @lru_cache(maxsize=2)
