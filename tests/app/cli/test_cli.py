@@ -63,10 +63,12 @@ def test_help_shows_every_command_and_is_quick():
     assert after.children_user - before.children_user < 1.5
     assert all(command in shown.stdout for command in COMMANDS)
     code = (
-        "import sys; from deformer_app import cli, console; console.run(cli.app, ['--help'])\n"
+        "import sys; from deformer_app import console; from deformer_app.cli import main\n"
+        "console.run(main.app, ['--help'])\n"
         "print([m for m in ('torch', 'numpy', 'pyvista', 'deformer') if m in sys.modules])"
     )
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert loaded.returncode == 0, loaded.stderr
     assert loaded.stdout.splitlines()[-1] == "[]"
 
 
