@@ -54,9 +54,9 @@ class ReferenceSolver:
 
         Σ_h w_h ‖Q(ω) p_h(z) + centroid + D t − q_h‖² / (σ D)² + ‖y‖² + ‖b(z)‖² + m(ω, t),
 
-    with b what bends more than in any example (`model.limits`) and m = ‖ω‖²/0.3² + ‖t‖²/1², or,
-    where that is less by the surprise of it, with the deviations of the training shapes
-    (`model.placement`).
+    with b what bends more than in any example (`model.bend_limits`) and m = ‖ω‖²/0.3² + ‖t‖²/1²,
+    or, where that is less by the cost of freedom, with the deviations of the training shapes
+    (`model.rigid_prior`).
 
     Where handles are hard, rounds of two steps begin at R = I: with b the right-hand side of
     the edges ½ (R_i + R_j)(x_i − x_j) of the decoded shape x, positions p that minimise
@@ -103,8 +103,8 @@ class ReferenceSolver:
         self._network.mean.register_buffer("inverse_degree", torch.tensor(1.0 / degree))
         self._mean, self._root = torch.tensor(model.prior.mean), torch.tensor(model.prior.factor)
         self._motions = [(np.repeat([_ROTATION_SCALE, _TRANSLATION_SCALE], 3), 0.0)]
-        if model.placement is not None:
-            near = np.repeat([model.placement.rotation, model.placement.translation], 3)
+        if model.rigid_prior is not None:
+            near = np.repeat([model.rigid_prior.rotation, model.rigid_prior.translation], 3)
             # −2 log of the odds and of the ratio of two Gaussian densities at their centres.
             odds = 2.0 * np.log((1.0 - _ELSEWHERE) / _ELSEWHERE)
             cost = odds + 2.0 * np.log(self._motions[0][0] / near).sum()
@@ -185,7 +185,7 @@ class ReferenceSolver:
 
     def _beyond(self, x: Array) -> tuple[Array, Array]:
         """What bends beyond the examples, in slacks (M,), and its derivative (M, K) by y."""
-        limits, K = self.model.limits, len(x) - 6
+        limits, K = self.model.bend_limits, len(x) - 6
         if limits is None:
             return np.zeros(0), np.zeros((0, K))
         bends = limits.directions @ self._codes(torch.tensor(x)[None])[0].numpy()
@@ -205,7 +205,7 @@ class ReferenceSolver:
 
     def _standing(self, z: Tensor) -> Tensor:
         """Where shapes of codes (n, K) stand, (n, 3), from the reference's centroid."""
-        placement = self.model.placement
+        placement = self.model.rigid_prior
         if placement is None or placement.offset is None:
             return torch.zeros(3).expand(len(z), 3)
         offset, gain = torch.tensor(placement.offset), torch.tensor(placement.gain)

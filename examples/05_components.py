@@ -13,7 +13,7 @@ NAMES = {8: "left elbow", 7: "right elbow", 19: "left knee", 18: "right knee", 4
 
 def main(picture: Path, quick: bool = False) -> list[deformer.Component]:
     """Write the picture; returns the components."""
-    model = deformer.load_model("humanoid").named(NAMES)
+    model = deformer.load_model("humanoid").with_component_names(NAMES)
     analysis = deformer.ComponentAnalysis(model)
     found = analysis.ranked(2 if quick else 12)
 

@@ -12,7 +12,7 @@ from deformer_app.rendering.sheets import save_rows
 def main(picture: Path, quick: bool = False) -> None:
     """Write the picture."""
     names = {18: "right knee", 5: "left arm up", 8: "left elbow"}
-    model = deformer.load_model("humanoid").named(names)
+    model = deformer.load_model("humanoid").with_component_names(names)
     synthesis = deformer.Synthesis(model)
     steps = np.linspace(0, 1.5, 2 if quick else 7)
 

@@ -9,13 +9,14 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 from typer.exceptions import TyperException
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 INTERRUPTED = 130  # what a shell reports for Ctrl-C
 MISTAKE = 2
@@ -57,7 +58,7 @@ def _users_mistake(error: Exception) -> str | None:
         return error.format_message().rstrip(".") + remedy
     if isinstance(error, OSError):
         return f"{error.filename or 'system'}: {error.strerror or error}"
-    from deformer import InputError  # imports PyTorch: too slow for `deformer --help`
+    from deformer import InputError
 
     return str(error) if isinstance(error, InputError) else None
 
@@ -96,6 +97,8 @@ def plain(value: Any) -> Any:
 
 def show_table(title: str, columns: list[str], rows: list[list[str]]) -> None:
     """Print a table on stdout; columns after the first are aligned to the right if numeric."""
+    from rich.table import Table
+
     table = Table()
     for index, column in enumerate(columns):
         numeric = bool(rows) and all(_is_number(row[index]) for row in rows)
@@ -108,6 +111,8 @@ def show_table(title: str, columns: list[str], rows: list[list[str]]) -> None:
 
 def show_facts(title: str, facts: Mapping[str, Any]) -> None:
     """Print names and values on stdout."""
+    from rich.table import Table
+
     grid = Table.grid(padding=(0, 2))
     grid.add_column(style="cyan")
     grid.add_column(overflow="fold")
@@ -134,13 +139,25 @@ def brief(value: Any) -> str:
     return str(value)
 
 
+def _progress(*columns: str) -> Progress:
+    """A bar on stderr that vanishes at its end; nothing where stderr is no terminal."""
+    from rich import progress as bars
+
+    known = {
+        "description": lambda: bars.TextColumn("{task.description:9}"),
+        "bar": bars.BarColumn,
+        "count": bars.MofNCompleteColumn,
+        "remaining": bars.TimeRemainingColumn,
+        "terms": lambda: bars.TextColumn("{task.fields[terms]}"),
+    }
+    made = (known[name]() for name in columns)
+    return bars.Progress(*made, console=err, transient=True, disable=not err.is_terminal)
+
+
 @contextmanager
 def progress(label: str) -> Iterator[Callable[[int, int], None]]:
     """Show a bar on stderr; call the yielded function with what is done and of how much."""
-    with Progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), console=err,
-        transient=True, disable=not err.is_terminal,
-    ) as bar:  # fmt: skip
+    with _progress("description", "bar", "count") as bar:
         task = bar.add_task(label, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
 
@@ -151,10 +168,7 @@ def cells_progress() -> Iterator[Callable[[int, int, str], None]]:
 
     Call the yielded function with what is done, of how much, and what it was.
     """
-    with Progress(
-        BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("{task.description}"),
-        console=err, transient=True, disable=not err.is_terminal,
-    ) as bar:  # fmt: skip
+    with _progress("bar", "count", "remaining", "description") as bar:
         task = bar.add_task("", total=None)
         told = -1
 
@@ -175,11 +189,7 @@ def training_progress() -> Iterator[Callable[[Any], None]]:
 
     Call the yielded function with a progress event of `deformer.train`.
     """
-    with Progress(
-        TextColumn("{task.description:9}"), BarColumn(), MofNCompleteColumn(),
-        TimeRemainingColumn(), TextColumn("{task.fields[terms]}"), console=err,
-        transient=True, disable=not err.is_terminal,
-    ) as bar:  # fmt: skip
+    with _progress("description", "bar", "count", "remaining", "terms") as bar:
         tasks: dict[str, Any] = {}
         tenths: dict[str, int] = {}  # the last one told of each stage; 0 is its first event
 

@@ -2,7 +2,6 @@ from .features import (
     STRETCH_COLUMNS as STRETCH_COLUMNS,
     STRETCH_ROWS as STRETCH_ROWS,
     FeatureExtractor as FeatureExtractor,
-    FeatureScaler as FeatureScaler,
     extract_all as extract_all,
     extract_features as extract_features,
     features_to_gradients as features_to_gradients,
@@ -17,4 +16,7 @@ from .jacobians import (
 from .poisson import (
     PoissonSystem as PoissonSystem,
     reconstruct as reconstruct,
+)
+from .scaler import (
+    FeatureScaler as FeatureScaler,
 )

@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
@@ -331,53 +330,3 @@ def extract_all(
             if progress is not None:
                 progress(done, len(vertices))
     return q
-
-
-@dataclass(frozen=True)
-class FeatureScaler:
-    """Linear map of features to [−0.95, 0.95], one range for r and one for s (the paper).
-
-    Args:
-        r_min, r_max: range of all entries of the rotation vectors, radians.
-        s_min, s_max: range of all entries of the stretch.
-    """
-
-    r_min: float
-    r_max: float
-    s_min: float
-    s_max: float
-
-    LIMIT = 0.95
-
-    @classmethod
-    def fit(cls, q: FloatArray) -> FeatureScaler:
-        """Ranges of features (..., 9); a range without extent is widened to hold its value."""
-        r_min, r_max = float(q[..., :3].min()), float(q[..., :3].max())
-        s_min, s_max = float(q[..., 3:].min()), float(q[..., 3:].max())
-        if r_max - r_min < 1e-9:
-            r_min, r_max = r_min - 1.0, r_max + 1.0
-        if s_max - s_min < 1e-9:
-            s_min, s_max = s_min - 1.0, s_max + 1.0
-        return cls(r_min, r_max, s_min, s_max)
-
-    @property
-    def gain(self) -> FloatArray:
-        """Derivative (9,) of features with respect to scaled features."""
-        r = (self.r_max - self.r_min) / (2 * self.LIMIT)
-        s = (self.s_max - self.s_min) / (2 * self.LIMIT)
-        return np.array([r] * 3 + [s] * 6)
-
-    @property
-    def offset(self) -> FloatArray:
-        """Features (9,) that are scaled to zero."""
-        r = 0.5 * (self.r_max + self.r_min)
-        s = 0.5 * (self.s_max + self.s_min)
-        return np.array([r] * 3 + [s] * 6)
-
-    def scale(self, q: FloatArray) -> FloatArray:
-        """Features (..., 9) to [−0.95, 0.95]; values outside the fitted range go beyond it."""
-        return (q - self.offset) / self.gain
-
-    def unscale(self, x: FloatArray) -> FloatArray:
-        """Inverse of `scale`."""
-        return x * self.gain + self.offset

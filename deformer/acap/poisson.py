@@ -8,7 +8,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 from scipy import sparse
-from scipy.spatial import KDTree
 
 from deformer.acap.features import features_to_gradients
 from deformer.errors import InputError
@@ -75,6 +74,9 @@ def _bridge_edges(v: FloatArray, count: int, labels: np.ndarray) -> np.ndarray:
     if len(others) == 0:
         return np.empty((0, 2), dtype=np.int64)
     base: IntArray = np.flatnonzero(labels == main)
+    # Most meshes have one component and never need this import.
+    from scipy.spatial import KDTree
+
     distance, nearest = KDTree(v[base]).query(v[others])
     order = np.lexsort((distance, labels[others]))
     start: IntArray = np.unique(labels[others][order], return_index=True)[1]

@@ -77,7 +77,7 @@ class Synthesis:
             q = model.decoder.features(self.start)
             for k in used:
                 q = q + w[k] * acts.change(int(k))
-            return model.poisson.reconstruct(q) + model.standing(self.code(weights))
+            return model.poisson.reconstruct(q) + model.centroid_offset(self.code(weights))
         p, rest = model.decode(self.start), model.decode(acts.reference)
         for k in used:
             p = p + w[k] * (model.decode(acts.representative(int(k))) - rest)
@@ -164,7 +164,7 @@ def transfer(source: DeformationModel, target: DeformationModel, z: ArrayLike) -
     """
     p = target.poisson.reconstruct(_carried(source, target, z))
     size = target.reference.bounding_diagonal / source.reference.bounding_diagonal
-    return p + size * source.standing(np.asarray(z, dtype=np.float64))
+    return p + size * source.centroid_offset(np.asarray(z, dtype=np.float64))
 
 
 def transfer_code(source: DeformationModel, target: DeformationModel, z: ArrayLike) -> FloatArray:

@@ -13,18 +13,25 @@ import numpy as np
 
 from deformer.editing.handle_positions import Evaluation, Handles
 from deformer.geometry import FloatArray, log_to_rotation, right_jacobian
-from deformer.model import FREE, BendLimits, DeformationModel, LatentPrior, Placement, surprise
+from deformer.model import (
+    FREE,
+    BendLimits,
+    DeformationModel,
+    LatentPrior,
+    RigidPrior,
+    cost_of_freedom,
+)
 
 
 @dataclass(frozen=True, eq=False)
 class HandleObjective:
     """Σ_h w_h ‖Q p_h(z) + t − q_h‖² / (σ D)² + ‖y‖² + ‖b(z)‖² + m(ω, t).
 
-    Handles p_h are those of the shape where shapes of its code stand (`Placement`); b is what bends
-    more than any example (`BendLimits.beyond`).
+    Handles p_h are those of the shape with its centroid where `RigidPrior` has it; b is what bends
+    more than in any example (`BendLimits.excess`).
 
     The rigid motion costs m = min(‖ω‖²/s_ω² + ‖t‖²/s_t², ‖ω‖²/S_ω² + ‖t‖²/S_t² + c): it is as small
-    as the training shapes' (`Placement` s), or, for the surprise c, anything at all (S). With a
+    as the training shapes' (`RigidPrior` s), or, at the cost c, anything at all (S). With a
     `freedom` it is ‖ω‖²/S_ω² + ‖t‖²/S_t² over freedom².
 
     Args:
@@ -36,7 +43,7 @@ class HandleObjective:
         rigid: whether ω and t are unknowns; otherwise they stay zero.
         targets: (H, 3).
         weights: (H,).
-        placement: s, or None where it is not known.
+        rigid_prior: s, or None where it is not known.
         freedom: factor on the deviations S of the rigid motion; None is the minimum above.
         sole: the one of the minimum's terms that counts, 0 or 1; None is the minimum.
         limits: of bends, or None where they are not known.
@@ -50,7 +57,7 @@ class HandleObjective:
     rigid: bool
     targets: FloatArray
     weights: FloatArray
-    placement: Placement | None = None
+    rigid_prior: RigidPrior | None = None
     freedom: float | None = None
     sole: int | None = None
     limits: BendLimits | None = None
@@ -67,8 +74,8 @@ class HandleObjective:
             rigid=rigid,
             targets=np.zeros((0, 3)),
             weights=np.zeros(0),
-            placement=model.placement,
-            limits=model.limits,
+            rigid_prior=model.rigid_prior,
+            limits=model.bend_limits,
         )
 
     def apart(self) -> list[HandleObjective]:
@@ -100,16 +107,18 @@ class HandleObjective:
 
     def stands(self, x: FloatArray) -> FloatArray:
         """Where the centroid is before the rigid motion, (..., 3), from the reference's."""
-        if self.placement is None:
+        if self.rigid_prior is None:
             return np.zeros((*x.shape[:-1], 3))
-        return self.diagonal * self.placement.at(self.prior.mean + x[..., :-6] @ self.factor.T)
+        return self.diagonal * self.rigid_prior.centroid(
+            self.prior.mean + x[..., :-6] @ self.factor.T
+        )
 
     @cached_property
     def drift(self) -> FloatArray:
         """Derivative (3, K) of `stands` by the whitened code."""
-        if self.placement is None or self.placement.gain is None:
+        if self.rigid_prior is None or self.rigid_prior.gain is None:
             return np.zeros((3, self.size - 6))
-        return np.asarray(self.diagonal * self.placement.gain @ self.factor, dtype=np.float64)
+        return np.asarray(self.diagonal * self.rigid_prior.gain @ self.factor, dtype=np.float64)
 
     def move(self, x: FloatArray, p: FloatArray) -> FloatArray:
         """Rigid motion of points (n, 3) given relative to the centroid."""
@@ -135,7 +144,7 @@ class HandleObjective:
         """
         if self.limits is None:
             return np.zeros((*x.shape[:-1], 0)), np.zeros((*x.shape[:-1], 0, self.size - 6))
-        every = self.limits.beyond(self.prior.mean + x[..., :-6] @ self.factor.T)
+        every = self.limits.excess(self.prior.mean + x[..., :-6] @ self.factor.T)
         some = np.flatnonzero(every.reshape(-1, every.shape[-1]).any(axis=0))
         slope = self.limits.directions[some] @ self.factor / self.limits.slack[some, None]
         b = every[..., some]
@@ -215,11 +224,11 @@ class HandleObjective:
     def _stiffnesses(self) -> list[tuple[FloatArray, float]]:
         """What `stiffness` chooses from."""
         code = np.ones(self.size - 6)
-        if self.freedom is not None or self.placement is None:
+        if self.freedom is not None or self.rigid_prior is None:
             return [(np.concatenate([code, FREE.stiffness(self.freedom or 1.0)]), 0.0)]
         terms = [
-            (np.concatenate([code, self.placement.stiffness()]), 0.0),
-            (np.concatenate([code, FREE.stiffness()]), surprise(self.placement)),
+            (np.concatenate([code, self.rigid_prior.stiffness()]), 0.0),
+            (np.concatenate([code, FREE.stiffness()]), cost_of_freedom(self.rigid_prior)),
         ]
         return terms if self.sole is None else [terms[self.sole]]
 

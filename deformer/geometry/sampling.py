@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from deformer.errors import InputError
-from deformer.geometry.geodesics import Geodesics
 from deformer.geometry.mesh import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from deformer.geometry.geodesics import Geodesics
 
 
 def farthest_points(

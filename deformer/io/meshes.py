@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
-from natsort import natsorted
 
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, Mesh, MeshSequence
@@ -197,6 +196,8 @@ def _shape_files(directory: Path) -> list[Path]:
             f"{directory}: no mesh files, expected {_SUFFIX_LIST}; check the path or put the "
             "shapes there"
         )
+    from natsort import natsorted
+
     files = natsorted(files, key=lambda file: file.name)
     first = files[0]
     for file in files:

@@ -1,7 +1,7 @@
 from .bend_limits import (
     BendLimits as BendLimits,
-    choose_marks as choose_marks,
-    fit_limits as fit_limits,
+    choose_samples as choose_samples,
+    fit_bend_limits as fit_bend_limits,
 )
 from .latent_prior import (
     LatentPrior as LatentPrior,
@@ -12,9 +12,9 @@ from .model import (
 )
 from .rigid_prior import (
     FREE as FREE,
-    Placement as Placement,
-    fit_placement as fit_placement,
-    surprise as surprise,
+    RigidPrior as RigidPrior,
+    cost_of_freedom as cost_of_freedom,
+    fit_rigid_prior as fit_rigid_prior,
 )
 from .storage import (
     load_model as load_model,

@@ -8,15 +8,15 @@ from deformer.errors import InputError
 
 
 def check_names(names: Mapping[int, str], components: int) -> dict[int, str]:
-    """Names by component, in order, without surrounding blanks.
+    """Names sorted by component, without surrounding blanks.
 
     Args:
         names: component → name.
         components: K.
 
     Raises:
-        InputError: no such component, a name twice, or a name that an index or a list of weights
-            (`3=0.8,7=1.2`) could be mistaken for.
+        InputError: no such component, a name twice, an empty name, or one that reads like an index
+            or a list of weights (`3=0.8,7=1.2`).
     """
     checked: dict[int, str] = {}
     for k in sorted(names):

@@ -1,9 +1,9 @@
-"""Where shapes stand as a whole: how far training shapes are turned and moved against their codes.
+"""The prior of rigid motions: where training shapes are as a whole, given their codes.
 
-Features hold the rotation of a shape's parts and no position. Where examples stand follows from
-their pose to a great part (a wrist that never moves, feet on the floor), which is learned as
-a linear function of the code. What is left between a decoded shape and the example it stands for is
-a small rigid motion, whose size tells whether a handle that moves should take the whole body along.
+Features contain the rotations of a shape's parts and no position. The position of a training shape
+follows from its pose to a great part (a wrist that never moves, feet on the floor): its centroid is
+learned as a linear function of the code. A small rigid motion remains between the decoded and the
+training shape. Its size tells whether a handle that moves should move the whole body.
 """
 
 from __future__ import annotations
@@ -13,19 +13,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deformer.geometry import FloatArray, procrustes, rotation_to_log
+from deformer.geometry import FloatArray
 
-# What is believed before any example is seen (rad, diagonals), and how many examples that is worth.
-_BELIEVED, _COUNT = 0.01, 1
-# Ridges of the regression on codes, against its largest squared singular value; the last is none.
+# Deviation assumed before any example is seen (rad, diagonals), and the examples it counts as.
+_ASSUMED, _COUNT = 0.01, 1
+# Candidate ridges of the regression on codes, relative to its largest squared singular value; the
+# infinite one leaves the codes out.
 _RIDGES = (*np.logspace(-8, 0, 9), np.inf)
-# How unlikely it is before any handle is seen that a shape stands somewhere else altogether.
+# Probability, before any handle is seen, that a shape is somewhere else altogether.
 _ELSEWHERE = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Placement:
-    """Where a shape stands: its centroid at offset + gain z, moved by a small rigid motion.
+class RigidPrior:
+    """Where a shape of code z is: its centroid at offset + gain z, then a small rigid motion.
 
     Args:
         rotation: standard deviation of the rigid motion's rotation vector, per axis, in radians.
@@ -39,7 +40,7 @@ class Placement:
     offset: FloatArray | None = None
     gain: FloatArray | None = None
 
-    def at(self, z: FloatArray) -> FloatArray:
+    def centroid(self, z: FloatArray) -> FloatArray:
         """Centroids (..., 3) of codes (..., K), in diagonals from the reference's centroid."""
         if self.offset is None or self.gain is None:
             return np.zeros((*z.shape[:-1], 3))
@@ -47,7 +48,7 @@ class Placement:
 
     @property
     def deviations(self) -> dict[str, float]:
-        """By the names of the arguments."""
+        """Standard deviations by the names of the arguments."""
         return {"rotation": self.rotation, "translation": self.translation}
 
     @property
@@ -63,31 +64,34 @@ class Placement:
 
     @property
     def log_volume(self) -> float:
-        """Twice the logarithm of the deviations' product: what a density this wide gives away."""
+        """Twice the logarithm of the product of all six deviations."""
         return 6.0 * float(np.log(self.rotation) + np.log(self.translation))
 
 
 # Anywhere: about a sixth of a turn, one bounding diagonal.
-FREE = Placement(0.3, 1.0)
+FREE = RigidPrior(0.3, 1.0)
 
 
-def surprise(placement: Placement) -> float:
-    """Energy that it costs to stand anywhere and not where `placement` has it."""
+def cost_of_freedom(prior: RigidPrior) -> float:
+    """Energy of the prior `FREE` over that of `prior`: −2 log of odds and ratio of densities."""
     odds = 2.0 * float(np.log((1.0 - _ELSEWHERE) / _ELSEWHERE))
-    return odds + FREE.log_volume - placement.log_volume
+    return odds + FREE.log_volume - prior.log_volume
 
 
-def fit_placement(
+def fit_rigid_prior(
     codes: ArrayLike, decoded: ArrayLike, shapes: ArrayLike, diagonal: float
-) -> Placement:
-    """Placement of training shapes (N, V, 3) against their decoded codes.
+) -> RigidPrior:
+    """The rigid motions of training shapes against their decoded codes.
 
     Args:
         codes: (N, K).
         decoded: (N, V, 3), with their centroids at the reference's.
-        shapes: as they stand.
+        shapes: (N, V, 3), the training shapes.
         diagonal: bounding diagonal of the reference.
     """
+    # numba, which these need, takes as long to import as all else; a model is used without it.
+    from deformer.geometry import procrustes, rotation_to_log
+
     turns, moves = [], []
     for a, b in zip(np.asarray(decoded), np.asarray(shapes), strict=True):
         R, _ = procrustes(a, b)
@@ -95,16 +99,18 @@ def fit_placement(
         moves.append((b.mean(axis=0) - a.mean(axis=0)) / diagonal)
     offset, gain, left = _regression(np.asarray(codes, dtype=np.float64), np.array(moves))
     rotation, translation = (
-        float(np.sqrt(((np.square(x).mean(axis=1)).sum() + _COUNT * _BELIEVED**2) / n))
+        float(np.sqrt(((np.square(x).mean(axis=1)).sum() + _COUNT * _ASSUMED**2) / n))
         for x, n in ((turns, len(turns) + _COUNT), (left, len(left) + _COUNT))
     )
-    return Placement(min(rotation, FREE.rotation), min(translation, FREE.translation), offset, gain)
+    return RigidPrior(
+        min(rotation, FREE.rotation), min(translation, FREE.translation), offset, gain
+    )
 
 
 def _regression(codes: FloatArray, moves: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Offset (3,) and gain (3, K) of moves (N, 3), and what they leave (N, 3) of one left out.
+    """Offset (3,) and gain (3, K) of moves (N, 3), and leave-one-out residuals (N, 3).
 
-    Ridge regression; the ridge is that which leaves least.
+    Ridge regression, with the ridge of the smallest leave-one-out error.
     """
     mean = codes.mean(axis=0)
     U, s, Vt = np.linalg.svd(codes - mean, full_matrices=False)

@@ -21,7 +21,7 @@ from deformer.io import atomic_directory, load_mesh, save_mesh, write_json
 from deformer.model.bend_limits import BendLimits
 from deformer.model.latent_prior import LatentPrior
 from deformer.model.model import DeformationModel
-from deformer.model.rigid_prior import Placement
+from deformer.model.rigid_prior import RigidPrior
 from deformer.network import ModelConfig, NetworkWeights
 
 FORMAT_VERSION = 2
@@ -40,12 +40,12 @@ def save_model(model: DeformationModel, path: str | Path) -> None:
         arrays["codes"] = model.codes
         arrays["latent_mean"] = model.prior.mean
         arrays["latent_covariance"] = model.prior.covariance
-        if model.placement is not None:
-            for name, array in model.placement.arrays.items():
-                arrays[f"placement_{name}"] = array
-        if model.limits is not None:
-            for name, array in model.limits.arrays.items():
-                arrays[f"limits_{name}"] = array
+        if model.rigid_prior is not None:
+            for name, array in model.rigid_prior.arrays.items():
+                arrays[f"rigid_prior_{name}"] = array
+        if model.bend_limits is not None:
+            for name, array in model.bend_limits.arrays.items():
+                arrays[f"bend_limits_{name}"] = array
         weights = save({name: np.ascontiguousarray(array) for name, array in arrays.items()})
         (folder / _FILES[2]).write_bytes(weights)
         V = len(model.reference.vertices)
@@ -59,9 +59,9 @@ def save_model(model: DeformationModel, path: str | Path) -> None:
             "scaler": {"r": [scaler.r_min, scaler.r_max], "s": [scaler.s_min, scaler.s_max]},
             "split": model.split,
             "summary": model.summary,
-            "placement": model.placement.deviations if model.placement else None,
+            "rigid_prior": model.rigid_prior.deviations if model.rigid_prior else None,
             "handle_noise": model.handle_noise,
-            "names": _names_as_json(model.names),
+            "component_names": _names_as_json(model.component_names),
             "sha256": {name: _digest(folder / name) for name in _FILES[1:]},
         }
         description["sha256"]["model.json"] = _digest_of_description(description)
@@ -77,20 +77,20 @@ def save_names(path: str | Path, names: Mapping[int, str]) -> DeformationModel:
 
     Args:
         path: the model's directory.
-        names: component → name; an empty one takes a name away.
+        names: component → name; an empty name removes the component's.
 
     Returns:
         The model with its names.
 
     Raises:
-        InputError: no such model, a shipped one, or names as `DeformationModel.named` refuses.
+        InputError: no such model, a shipped one, or names that `check_names` refuses.
     """
     if not Path(path).is_dir() and str(path) in shipped_models():
         raise InputError(f"{path}: a shipped model keeps its names; save a copy under another one")
-    model = load_model(path).named(names)
+    model = load_model(path).with_component_names(names)
     where = Path(path) / "model.json"
     data = json.loads(where.read_text(encoding="utf-8"))
-    data["names"] = _names_as_json(model.names)
+    data["component_names"] = _names_as_json(model.component_names)
     data["sha256"]["model.json"] = _digest_of_description(data)
     write_json(where, data)
     return model
@@ -180,20 +180,20 @@ def _assemble(folder: Path, data: dict[str, Any]) -> DeformationModel:
         LatentPrior(tensors["latent_mean"], tensors["latent_covariance"]),
         data["split"],
         data["summary"],
-        _placement(data["placement"], tensors),
-        {int(k): str(name) for k, name in data["names"].items()},
+        _rigid_prior(data["rigid_prior"], tensors),
+        {int(k): str(name) for k, name in data["component_names"].items()},
         float(data["handle_noise"]),
-        BendLimits(**limits) if (limits := _arrays(tensors, "limits_")) else None,
+        BendLimits(**limits) if (limits := _arrays(tensors, "bend_limits_")) else None,
     )
 
 
-def _placement(
+def _rigid_prior(
     deviations: Mapping[str, float] | None, tensors: Mapping[str, NDArray]
-) -> Placement | None:
+) -> RigidPrior | None:
     if deviations is None:
         return None
-    arrays = _arrays(tensors, "placement_")
-    return Placement(**deviations, offset=arrays.get("offset"), gain=arrays.get("gain"))
+    arrays = _arrays(tensors, "rigid_prior_")
+    return RigidPrior(**deviations, offset=arrays.get("offset"), gain=arrays.get("gain"))
 
 
 def _arrays(tensors: Mapping[str, NDArray], prefix: str) -> dict[str, FloatArray]:

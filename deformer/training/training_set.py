@@ -13,10 +13,10 @@ from deformer.acap import FeatureExtractor, FeatureScaler, extract_all
 from deformer.geometry import FloatArray, Geodesics, IntArray, Mesh, MeshSequence, align
 from deformer.model import (
     DeformationModel,
-    choose_marks,
-    fit_limits,
-    fit_placement,
+    choose_samples,
+    fit_bend_limits,
     fit_prior,
+    fit_rigid_prior,
 )
 from deformer.network import Decoder, Encoder, FactorisationSettings, ModelConfig, NetworkWeights
 from deformer.training.adam import fit
@@ -94,7 +94,7 @@ class TrainingSet:
 
     @cached_property
     def _bend_vertices(self) -> tuple[IntArray, IntArray]:
-        return choose_marks(self.geodesics)
+        return choose_samples(self.geodesics)
 
     def subset(self, indices: IntArray) -> TrainingSet:
         """The training set of some of the shapes, with the same reference and scaling."""
@@ -129,11 +129,11 @@ class TrainingSet:
             self.reference, config, self.scaler, weights, codes, prior, split, summary
         )
         vertices, pairs = self._bend_vertices
-        limits = fit_limits(model.decoder_at(vertices), pairs, prior.mean, all_codes)
+        limits = fit_bend_limits(model.decoder_at(vertices), pairs, prior.mean, all_codes)
         decoded = model.decode(codes)
         diagonal = self.reference.bounding_diagonal
-        placement = fit_placement(codes, decoded, self.shapes.vertices, diagonal)
-        return replace(model, placement=placement, limits=limits)
+        rigid_prior = fit_rigid_prior(codes, decoded, self.shapes.vertices, diagonal)
+        return replace(model, rigid_prior=rigid_prior, bend_limits=limits)
 
 
 def _denoised(

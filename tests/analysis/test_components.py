@@ -94,7 +94,7 @@ def test_the_partner_shares_most(model):
 
 
 def test_names_are_shown(model):
-    named = ComponentAnalysis(model.named({2: "left arm up"}))
+    named = ComponentAnalysis(model.with_component_names({2: "left arm up"}))
     assert named.describe(2).label == "left arm up"
     assert named.describe(1).label == "component 1"
 

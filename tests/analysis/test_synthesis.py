@@ -20,7 +20,7 @@ from shapes import large_model, small_model
 
 @pytest.fixture(scope="module")
 def model():
-    return small_model().named({2: "bend", 4: "twist more"})
+    return small_model().with_component_names({2: "bend", 4: "twist more"})
 
 
 @pytest.fixture(scope="module")

@@ -28,7 +28,7 @@ class Case:
         self.z = model.latent_mean + white @ np.linalg.cholesky(model.latent_covariance).T
         self.Q = log_to_rotation(rng.normal(size=(count, 3)))
         self.origin = self.unit * rng.normal(size=(count, 3))
-        shapes = np.array([model.decode(z) - model.standing(z) for z in self.z])
+        shapes = np.array([model.decode(z) - model.centroid_offset(z) for z in self.z])
         self.free = shapes - model.reference.vertices.mean(axis=0)
         moved = self.free @ self.Q.transpose(0, 2, 1) + self.origin[:, None]
         self.goals = moved[:, handles]

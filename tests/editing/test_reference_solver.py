@@ -76,7 +76,7 @@ def gradients(model, z):
 def decoded(model, z):
     """Decoded shape (V, 3) in double precision; the model's own decoder may round."""
     p = model.poisson.solve(gradients(model, z))
-    place = 0 if model.placement is None else model.placement.at(z)
+    place = 0 if model.rigid_prior is None else model.rigid_prior.centroid(z)
     return p + model.reference.bounding_diagonal * place
 
 
@@ -152,13 +152,13 @@ def test_energy_by_formula(layers, seed):
     p = Rotation.from_rotvec(x[-6:-3]).apply(p) + centre + D * x[-3:]
     expected = (weights[:, None] * (p - targets) ** 2).sum() / (0.02 * D) ** 2
     expected += (x[:-6] ** 2).sum()
-    limits = model.limits
+    limits = model.bend_limits
     bends = limits.directions @ (model.prior.mean + model.prior.factor @ x[:-6])
     outside = np.maximum(np.maximum(bends - limits.high, limits.low - bends), 0) / limits.slack
     assert outside.any()
     expected += (outside**2).sum()
     rotation, translation = (x[-6:-3] ** 2).sum(), (x[-3:] ** 2).sum()
-    near = model.placement
+    near = model.rigid_prior
     odds = 2 * np.log(0.99 / 0.01) + 6 * np.log(0.3 / near.rotation / near.translation)
     anywhere = rotation / 0.09 + translation + odds
     motion = min(rotation / near.rotation**2 + translation / near.translation**2, anywhere)

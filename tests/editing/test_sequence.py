@@ -152,7 +152,7 @@ def test_the_energy_is_that_of_an_independent_optimiser(model, diagonal, smoothn
         moved = p @ R.transpose(0, 2, 1) + t[:, None]
         scaled = np.sqrt(stiffness) * x
         bends = np.sqrt(smoothness) * np.diff(scaled, 2, axis=0)
-        beyond = model.limits.beyond(z)
+        beyond = model.bend_limits.excess(z)
         parts = (moved - goals) / (NOISE * diagonal), scaled, bends, beyond
         return np.concatenate([part.ravel() for part in parts])
 

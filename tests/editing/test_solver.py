@@ -179,7 +179,7 @@ def test_a_rigidly_moved_target_set_carries_the_pose(model, diagonal, angle):
 @pytest.mark.parametrize("hard", [False, True])
 def test_a_translated_target_set_translates_the_pose(model, diagonal, hard):
     _, shape = pose_between(model)
-    # With a learned placement, to stand elsewhere is of another cost.
+    # With a learned rigid prior, to stand elsewhere is of another cost.
     solver = HandleSolver(model, freedom=1.0)
     solver.set_handles(SPREAD, shape[SPREAD], hard=hard)
     here = solver.solve().vertices
@@ -349,7 +349,7 @@ def test_a_mesh_of_more_vertices_than_are_searched(hard):
         solver.set_handles(handles, shape[handles] * 1.05)
         pose = solver.solve()
         misfit = (pose.residual**2).sum() / (0.01 * diagonal) ** 2
-        prior = pose.prior_distance**2 + (model.limits.beyond(pose.z) ** 2).sum()
+        prior = pose.prior_distance**2 + (model.bend_limits.excess(pose.z) ** 2).sum()
         assert pose.energy == pytest.approx(misfit + prior, rel=1e-4)
     goal = shape[handles[-1]] + 0.05 * diagonal
     solver.set_handles(handles, shape[handles], hard=hard)
@@ -381,14 +381,14 @@ def test_the_energy_is_that_of_its_formula_and_not_above_the_start(model, diagon
     solver.set_handles(SPREAD, targets, weights=weights)
     pose = solver.solve()
     misfit = (weights * pose.residual**2).sum() / (0.01 * diagonal) ** 2
-    prior = pose.prior_distance**2 + (model.limits.beyond(pose.z) ** 2).sum()
+    prior = pose.prior_distance**2 + (model.bend_limits.excess(pose.z) ** 2).sum()
     assert pose.energy == pytest.approx(misfit + prior, rel=1e-5)
 
     def energy(z):
         p = model.decode(z)[SPREAD]
         away = z - model.latent_mean
         prior = away @ np.linalg.solve(model.latent_covariance, away)
-        prior += (model.limits.beyond(z) ** 2).sum()
+        prior += (model.bend_limits.excess(z) ** 2).sum()
         return (weights * ((p - targets) ** 2).sum(1)).sum() / (0.01 * diagonal) ** 2 + prior
 
     assert energy(pose.z) == pytest.approx(pose.energy, rel=1e-5)

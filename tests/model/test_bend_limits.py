@@ -8,7 +8,7 @@ import pytest
 
 from deformer import HandleSolver, MeshSequence, fit_sequence, load_model, train
 from deformer.geometry.geodesics import Geodesics
-from deformer.model.bend_limits import choose_marks, fit_limits
+from deformer.model.bend_limits import choose_samples, fit_bend_limits
 from shapes import bend, small_model, tube, two_components
 
 
@@ -35,18 +35,18 @@ def model():
 
 
 def test_examples_are_inside(model):
-    limits = model.limits
+    limits = model.bend_limits
     assert (limits.low <= limits.high).all() and (limits.slack > 0).all()
-    assert not np.any(np.abs(limits.beyond(model.codes)) > 1e-9)
+    assert not np.any(np.abs(limits.excess(model.codes)) > 1e-9)
     # And so is all between them: limits are half-spaces.
     mixed = np.random.default_rng(0).dirichlet(np.ones(len(model.codes)), 50) @ model.codes
-    assert not np.any(np.abs(limits.beyond(mixed)) > 1e-9)
+    assert not np.any(np.abs(limits.excess(mixed)) > 1e-9)
 
 
 def test_bends_are_rotations_of_neighbours_to_first_order(model):
-    marks, pairs = choose_marks(model.geodesics)
-    decoder = model.decoder_at(marks)
-    limits = fit_limits(decoder, pairs, model.latent_mean, model.codes)
+    samples, pairs = choose_samples(model.geodesics)
+    decoder = model.decoder_at(samples)
+    limits = fit_bend_limits(decoder, pairs, model.latent_mean, model.codes)
     step = 1e-5 * np.random.default_rng(1).normal(size=model.components)
     r = [decoder.features(model.latent_mean + s * step)[:, :3] for s in (1, -1)]
     bends = [(turn[pairs[:, 0]] - turn[pairs[:, 1]]).ravel() for turn in r]
@@ -55,20 +55,20 @@ def test_bends_are_rotations_of_neighbours_to_first_order(model):
     )
 
 
-def test_marks_are_compared_with_what_they_hang_together_with():
+def test_samples_are_compared_within_their_component():
     mesh = two_components()
     geodesics = Geodesics(mesh)
-    marks, pairs = choose_marks(geodesics, 20)
-    assert len(set(marks.tolist())) == len(marks)
+    samples, pairs = choose_samples(geodesics, 20)
+    assert len(set(samples.tolist())) == len(samples)
     assert len({tuple(pair) for pair in pairs}) == len(pairs) and (pairs[:, 0] < pairs[:, 1]).all()
-    assert all(np.isfinite(geodesics.row(int(marks[a]))[marks[b]]) for a, b in pairs)
-    assert set(pairs.ravel()) == set(range(len(marks)))
+    assert all(np.isfinite(geodesics.row(int(samples[a]))[samples[b]]) for a, b in pairs)
+    assert set(pairs.ravel()) == set(range(len(samples)))
 
 
-def test_of_a_mesh_of_fewer_vertices_all_are_marks():
+def test_of_a_mesh_of_fewer_vertices_all_are_samples():
     mesh = tube(4, 3)
-    marks, _ = choose_marks(Geodesics(mesh), 96)
-    assert sorted(marks) == list(range(12))
+    samples, _ = choose_samples(Geodesics(mesh), 96)
+    assert sorted(samples) == list(range(12))
 
 
 def test_the_derivative_is_that_of_differences(model):
@@ -94,8 +94,8 @@ def test_the_derivative_is_that_of_differences(model):
 def test_a_knee_bends_one_way(warm):
     _, model = knee()
     reached = {}
-    for name, limits in (("limited", model.limits), ("free", None)):
-        solver = HandleSolver(replace(model, limits=limits), noise=0.02, freedom=1.0)
+    for name, limits in (("limited", model.bend_limits), ("free", None)):
+        solver = HandleSolver(replace(model, bend_limits=limits), noise=0.02, freedom=1.0)
         handles, _ = kinked(model, 0.0)
         solver.set_handles(handles, model.reference.vertices[handles])
         solver.solve()
@@ -110,7 +110,7 @@ def test_a_knee_bends_one_way(warm):
 
 def limits_of(model, z):
     """The farthest that any bend goes beyond the examples, in slacks."""
-    return np.abs(model.limits.beyond(z)).max()
+    return np.abs(model.bend_limits.excess(z)).max()
 
 
 def test_a_knee_bends_as_the_examples_do():
@@ -119,8 +119,8 @@ def test_a_knee_bends_as_the_examples_do():
     handles, _ = kinked(model, 0.0)
     for shape in shapes.vertices[[3, 6, 8]]:
         poses = []
-        for limits in (model.limits, None):
-            solver = HandleSolver(replace(model, limits=limits), noise=0.007)
+        for limits in (model.bend_limits, None):
+            solver = HandleSolver(replace(model, bend_limits=limits), noise=0.007)
             solver.set_handles(handles, shape[handles])
             poses.append(solver.solve().vertices)
         size = model.reference.bounding_diagonal
@@ -133,17 +133,17 @@ def test_sequences_keep_them_too():
     handles, _ = kinked(model, 0.0)
     goals = np.stack([kinked(model, angle)[1] for angle in np.linspace(0, -0.8, 12)])
     kept = fit_sequence(model, handles, goals, noise=0.02)
-    free = fit_sequence(replace(model, limits=None), handles, goals, noise=0.02)
+    free = fit_sequence(replace(model, bend_limits=None), handles, goals, noise=0.02)
     assert limits_of(model, kept.z[-1]) < 0.1 * limits_of(model, free.z[-1])
 
 
 def test_they_are_kept_with_the_model(model, tmp_path):
     model.save(tmp_path / "with")
     again = load_model(tmp_path / "with")
-    for name, array in model.limits.arrays.items():
-        np.testing.assert_array_equal(again.limits.arrays[name], array)
+    for name, array in model.bend_limits.arrays.items():
+        np.testing.assert_array_equal(again.bend_limits.arrays[name], array)
     assert again.fingerprint == model.fingerprint
-    replace(model, limits=None).save(tmp_path / "without")
+    replace(model, bend_limits=None).save(tmp_path / "without")
     unlimited = load_model(tmp_path / "without")
-    assert unlimited.limits is None
+    assert unlimited.bend_limits is None
     assert unlimited.fingerprint != model.fingerprint

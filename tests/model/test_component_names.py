@@ -17,7 +17,7 @@ def test_names_come_back_and_everything_else_stays(saved):
     (saved / "README.md").write_text("my notes")
     save_names(saved, {3: " left arm up ", 1: "nod"})
     again = load_model(saved)
-    assert again.names == {1: "nod", 3: "left arm up"}
+    assert again.component_names == {1: "nod", 3: "left arm up"}
     assert again.fingerprint == small_model().fingerprint
     assert (saved / "README.md").read_text() == "my notes"
     assert (saved / "weights.safetensors").read_bytes() == before["weights.safetensors"]
@@ -39,11 +39,11 @@ def test_names_are_under_the_checksum(saved):
 
 
 def test_components_are_found_by_index_and_by_name():
-    model = small_model().named({2: "left arm up"})
+    model = small_model().with_component_names({2: "left arm up"})
     for key in (2, "2", " 2", "left arm up", " left arm up "):
         assert model.component(key) == 2
     assert model.label(2) == "left arm up" and model.label(0) == "component 0"
-    assert model.named({2: "", 0: "nod"}).names == {0: "nod"}
+    assert model.with_component_names({2: "", 0: "nod"}).component_names == {0: "nod"}
     with pytest.raises(InputError, match=r"'arm': no such name.*'left arm up'"):
         model.component("arm")
     with pytest.raises(InputError, match="component 6 does not exist"):
@@ -63,7 +63,7 @@ def test_components_are_found_by_index_and_by_name():
 )
 def test_what_is_no_name_is_refused(names, words):
     with pytest.raises(InputError, match=words):
-        small_model().named(names)
+        small_model().with_component_names(names)
 
 
 def test_shipped_models_keep_their_names(monkeypatch, tmp_path):

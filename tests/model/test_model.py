@@ -138,9 +138,9 @@ def test_descriptions_that_are_none_are_refused(saved, content):
         lambda data: data.pop("connectivity"),
         lambda data: data["config"].update(unheard_of=1),
         lambda data: data["config"]["training"].update(method="magic"),
-        lambda data: data.pop("placement"),
+        lambda data: data.pop("rigid_prior"),
         lambda data: data.pop("handle_noise"),
-        lambda data: data.pop("names"),
+        lambda data: data.pop("component_names"),
         lambda data: data["scaler"].update(r=[1.0]),
     ],
     ids=[
@@ -150,9 +150,9 @@ def test_descriptions_that_are_none_are_refused(saved, content):
         "no connectivity",
         "config",
         "method",
-        "no placement",
+        "no rigid prior",
         "no handle noise",
-        "no names",
+        "no component names",
         "scaler",
     ],
 )
@@ -215,9 +215,9 @@ def test_decoded_shapes_stand_where_examples_do():
     centre = model.reference.vertices.mean(axis=0)
     stands = shapes.vertices.mean(axis=1)
     decoded = model.decode(model.codes).mean(axis=1)
-    np.testing.assert_allclose(decoded, centre + model.standing(model.codes), atol=1e-9)
+    np.testing.assert_allclose(decoded, centre + model.centroid_offset(model.codes), atol=1e-9)
     assert np.abs(decoded - stands).max() < 0.2 * np.ptp(stands, axis=0).max()
-    still = replace(model, placement=None).decode(model.codes).mean(axis=1)
+    still = replace(model, rigid_prior=None).decode(model.codes).mean(axis=1)
     np.testing.assert_allclose(still, np.tile(centre, (12, 1)), atol=1e-9)
 
 

@@ -1,4 +1,4 @@
-"""Truths of placements: what is fitted is what was put in, and handles feel it."""
+"""Truths of the prior of rigid motions: what is fitted is what was put in, and handles feel it."""
 
 from dataclasses import replace
 
@@ -7,10 +7,10 @@ import pytest
 
 from deformer import HandleSolver, load_model
 from deformer.geometry.rotations import log_to_rotation
-from deformer.model.rigid_prior import FREE, Placement, fit_placement, surprise
+from deformer.model.rigid_prior import FREE, RigidPrior, cost_of_freedom, fit_rigid_prior
 from shapes import icosphere, small_model
 
-TIGHT = Placement(0.02, 0.005)
+TIGHT = RigidPrior(0.02, 0.005)
 
 
 @pytest.mark.parametrize(("rotation", "translation"), [(0.05, 0.1), (0.2, 0.01), (0.0, 0.0)])
@@ -20,7 +20,7 @@ def test_motions_are_found_again(rotation, translation):
     R = log_to_rotation(rotation * rng.normal(size=(400, 3)))
     moved = shape @ R.transpose(0, 2, 1) + 3.0 * translation * rng.normal(size=(400, 1, 3))
     codes = rng.normal(size=(400, 2))
-    found = fit_placement(codes, np.repeat(shape[None], 400, axis=0), moved, 3.0)
+    found = fit_rigid_prior(codes, np.repeat(shape[None], 400, axis=0), moved, 3.0)
     # A little is believed before any shape is seen: 0.01, as if by one shape.
     assert found.rotation == pytest.approx(np.hypot(rotation, 0.01 / 20), rel=0.1)
     assert found.translation == pytest.approx(np.hypot(translation, 0.01 / 20), rel=0.1)
@@ -35,25 +35,25 @@ def test_where_shapes_of_a_code_stand_is_learned():
     codes = rng.normal(size=(60, 4))
     moved = shape + 2.0 * (offset + codes @ gain.T + 1e-4 * rng.normal(size=(60, 3)))[:, None]
     decoded = np.repeat(shape[None], 60, axis=0)
-    found = fit_placement(codes, decoded, moved, 2.0)
+    found = fit_rigid_prior(codes, decoded, moved, 2.0)
     fresh = rng.normal(size=(5, 4))
-    np.testing.assert_allclose(found.at(fresh), offset + fresh @ gain.T, atol=1e-3)
+    np.testing.assert_allclose(found.centroid(fresh), offset + fresh @ gain.T, atol=1e-3)
     assert found.translation < 2e-3
-    noise = fit_placement(rng.normal(size=(60, 90)), decoded, moved, 2.0)
-    np.testing.assert_allclose(noise.at(np.zeros(90)), moved.mean((0, 1)) / 2.0, atol=0.3)
+    noise = fit_rigid_prior(rng.normal(size=(60, 90)), decoded, moved, 2.0)
+    np.testing.assert_allclose(noise.centroid(np.zeros(90)), moved.mean((0, 1)) / 2.0, atol=0.3)
     spread = (moved.mean(axis=1) / 2.0).std()
     assert 0.5 * spread < noise.translation < 1.5 * spread
 
 
-def test_the_tighter_the_more_a_surprise():
-    tighter = surprise(Placement(0.01, 0.005))
-    assert tighter == pytest.approx(surprise(TIGHT) + 6 * np.log(2))
-    assert surprise(TIGHT) > surprise(FREE) > 0
+def test_the_tighter_the_more_freedom_costs():
+    tighter = cost_of_freedom(RigidPrior(0.01, 0.005))
+    assert tighter == pytest.approx(cost_of_freedom(TIGHT) + 6 * np.log(2))
+    assert cost_of_freedom(TIGHT) > cost_of_freedom(FREE) > 0
 
 
 @pytest.fixture(scope="module")
 def model():
-    return replace(small_model(), placement=TIGHT)
+    return replace(small_model(), rigid_prior=TIGHT)
 
 
 def test_a_lone_handle_bends_the_body_and_does_not_carry_it(model):
@@ -100,7 +100,7 @@ def test_a_code_brings_its_place_along(model):
     """Without handles, and to a handle's derivative."""
     K = model.components
     offset, gain = np.array([0.1, 0.2, -0.3]), 0.05 * np.random.default_rng(2).normal(size=(3, K))
-    placed = replace(model, placement=Placement(0.02, 0.005, offset, gain))
+    placed = replace(model, rigid_prior=RigidPrior(0.02, 0.005, offset, gain))
     z = model.codes[0]
     solver = HandleSolver(placed)
     solver.lean(on=z)
@@ -120,13 +120,13 @@ def test_a_code_brings_its_place_along(model):
 
 def test_it_is_kept_with_the_model(model, tmp_path):
     K = model.components
-    placement = Placement(0.02, 0.005, np.arange(3.0), np.arange(3.0 * K).reshape(3, K))
-    for stands in (TIGHT, placement):
-        replace(model, placement=stands).save(tmp_path / "placed")
-        found = load_model(tmp_path / "placed").placement
+    rigid_prior = RigidPrior(0.02, 0.005, np.arange(3.0), np.arange(3.0 * K).reshape(3, K))
+    for stands in (TIGHT, rigid_prior):
+        replace(model, rigid_prior=stands).save(tmp_path / "placed")
+        found = load_model(tmp_path / "placed").rigid_prior
         assert found.deviations == stands.deviations
         assert found.arrays.keys() == stands.arrays.keys()
         for name, array in stands.arrays.items():
             np.testing.assert_array_equal(found.arrays[name], array)
-    replace(model, placement=None).save(tmp_path / "placed")
-    assert load_model(tmp_path / "placed").placement is None
+    replace(model, rigid_prior=None).save(tmp_path / "placed")
+    assert load_model(tmp_path / "placed").rigid_prior is None

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from deformer.acap.features import FeatureScaler
+from deformer.acap.scaler import FeatureScaler
 from deformer.geometry.mesh import one_rings
 from deformer.network.autoencoder import MeshAutoencoder
 from deformer.network.decoder import Decoder

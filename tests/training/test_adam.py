@@ -11,7 +11,8 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from deformer.acap.features import FeatureExtractor, FeatureScaler, extract_all
+from deformer.acap.features import FeatureExtractor, extract_all
+from deformer.acap.scaler import FeatureScaler
 from deformer.errors import InputError
 from deformer.geometry.geodesics import Geodesics
 from deformer.linalg.device import resolve_device

@@ -7,7 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from deformer.acap.features import FeatureExtractor, FeatureScaler, extract_all
+from deformer.acap.features import FeatureExtractor, extract_all
+from deformer.acap.scaler import FeatureScaler
 from deformer.errors import InputError
 from deformer.geometry.geodesics import Geodesics
 from deformer.geometry.mesh import one_rings

@@ -110,11 +110,11 @@ def rename(model_name: str, assignments: list[str], output: Path | None) -> dict
     if output is None:
         named = deformer.save_names(model_name, names)
     else:
-        named = model.named(names)
+        named = model.with_component_names(names)
         named.save(output)
     return {
         "model": str(output or model_name),
-        "names": {str(k): n for k, n in named.names.items()},
+        "names": {str(k): n for k, n in named.component_names.items()},
     }
 
 

@@ -7,7 +7,6 @@ import shlex
 import shutil
 import sys
 from enum import StrEnum
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -54,6 +53,8 @@ def main() -> None:
 
 def _print_version(wanted: bool) -> None:
     if wanted:
+        from importlib.metadata import version
+
         print(f"deformer {version('deformer')}")
         raise typer.Exit
 
@@ -437,7 +438,7 @@ def _describe(model: DeformationModel) -> dict[str, Any]:
         "vertices": len(reference.vertices),
         "faces": len(reference.faces),
         "components": model.components,
-        "names": {str(k): name for k, name in model.names.items()},
+        "names": {str(k): name for k, name in model.component_names.items()},
         "bounding_diagonal": reference.bounding_diagonal,
         "split": {part: len(indices) for part, indices in (model.split or {}).items()},
         "config": model.config.as_dict(),

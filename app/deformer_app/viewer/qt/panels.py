@@ -344,7 +344,7 @@ class ComponentPanel(QScrollArea):
             reset.clicked.connect(lambda _, k=k: self._reset(k))
             model = self._editor.model
             name = QToolButton()
-            name.setText(model.names.get(k, str(k)))
+            name.setText(model.component_names.get(k, str(k)))
             name.setToolTip(f"{model.label(k).capitalize()}: click to keep it coloured")
             name.setAutoRaise(True)
             name.setCheckable(True)

@@ -1,0 +1,103 @@
+"""Latent codes of whole shapes, of which all vertices are given."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deformer.acap import extract_all, gradient_tangents
+from deformer.errors import InputError
+from deformer.geometry import FloatArray, align
+from deformer.model.model import DeformationModel
+
+# Latent components whose tangents are solved for at once: bounds memory.
+_TANGENT_BATCH = 10
+
+
+def encode_shapes(model: DeformationModel, vertices: ArrayLike) -> FloatArray:
+    """See `DeformationModel.encode`."""
+    shapes, single = _checked(model, vertices)
+    if model.config.align:
+        shapes = align(shapes, model.reference.vertices)
+    codes = model.encoder.encode(extract_all(model.extractor, shapes))
+    return codes[0] if single else codes
+
+
+def fit_shapes(model: DeformationModel, vertices: ArrayLike, iterations: int) -> FloatArray:
+    """See `DeformationModel.fit`."""
+    shapes, single = _checked(model, vertices)
+    if model.config.align:
+        shapes = align(shapes, model.reference.vertices)
+    codes = np.stack(
+        [
+            _fit_shape(model, shape, z, iterations)
+            for shape, z in zip(shapes, encode_shapes(model, shapes), strict=True)
+        ]
+    )
+    return codes[0] if single else codes
+
+
+def _fit_shape(
+    model: DeformationModel, target: FloatArray, z: FloatArray, iterations: int
+) -> FloatArray:
+    """Code (K,) of the shape `target` (V, 3), from a code z near it."""
+    goal = target - target.mean(axis=0) + model.poisson.centroid
+    precision = np.linalg.inv(model.prior.covariance)
+    # One thousandth of the bounding diagonal of residual a vertex weighs as much as one
+    # standard deviation of the prior weighs in all.
+    pull = (1e-3 * model.reference.bounding_diagonal) ** 2 * precision
+
+    def energy(z: FloatArray) -> tuple[float, FloatArray]:
+        residual = model.decode_centred(z) - goal
+        away = z - model.prior.mean
+        return float((residual**2).sum() + away @ pull @ away), residual
+
+    value, residual = energy(z)
+    damping = 1e-4
+    for _ in range(iterations):
+        J = tangents(model, z)
+        H = J @ J.T + pull
+        gradient = J @ residual.ravel() + pull @ (z - model.prior.mean)
+        while damping < 1e6:
+            step = np.linalg.solve(H + damping * np.diag(np.diag(H)), -gradient)
+            new_value, new_residual = energy(z + step)
+            if new_value < value:
+                break
+            damping *= 10.0
+        else:
+            return z
+        gain = (value - new_value) / value
+        z, value, residual = z + step, new_value, new_residual
+        damping = max(damping / 10.0, 1e-8)
+        if gain < 1e-5:
+            break
+    return z
+
+
+def tangents(model: DeformationModel, z: FloatArray) -> FloatArray:
+    """Derivative (K, 3V) of the decoded positions by the latent code z (K,), centroid fixed."""
+    q, dq = model.decoder.differential(z)
+    rows = []
+    for start in range(0, len(dq), _TANGENT_BATCH):
+        dT = gradient_tangents(q, dq[start : start + _TANGENT_BATCH])
+        b = np.concatenate([model.poisson.rhs(t) for t in dT], axis=1)
+        x = model.poisson.back_substitute(b)
+        x -= x.mean(axis=0)
+        rows.append(x.reshape(len(x), -1, 3).transpose(1, 0, 2).reshape(len(dT), -1))
+    return np.concatenate(rows)
+
+
+def _checked(model: DeformationModel, vertices: ArrayLike) -> tuple[FloatArray, bool]:
+    shapes = np.asarray(vertices, dtype=np.float64)
+    single = shapes.ndim == 2
+    if single:
+        shapes = shapes[None]
+    V = len(model.reference.vertices)
+    if shapes.ndim != 3 or shapes.shape[1:] != (V, 3):
+        raise InputError(
+            f"vertices: expected ({V}, 3) or (N, {V}, 3) as the model's reference has, got "
+            f"{np.asarray(vertices).shape}"
+        )
+    if not np.isfinite(shapes).all():
+        raise InputError("vertices: not all positions are finite; repair the shape")
+    return shapes, single
