@@ -41,22 +41,26 @@ class GradientMethod(ABC):
     Args:
         noise: of handle fits, see `DataDrivenDeformation.fit`; None chooses it from `NOISES` when
             learning, on training shapes left out.
+
+    Attributes:
+        chosen_noise: the noise of handle fits, given or chosen; 0 before `fit`.
     """
 
     def __init__(self, noise: float | None = None) -> None:
         """Nothing is learned yet."""
         self.noise = noise
         self._deformation: DataDrivenDeformation | None = None
-        self._chosen = 0.0
+        self.chosen_noise = 0.0
 
     def _take(self, deformation: DataDrivenDeformation, noise: float) -> None:
         """What was learned."""
-        self._deformation, self._chosen = deformation, noise
+        self._deformation, self.chosen_noise = deformation, noise
 
     def _check_training(self, shape_count: int, components: int) -> None:
         checked_training(shape_count, components, self.noise)
 
-    def _learned(self) -> DataDrivenDeformation:
+    def learned(self) -> DataDrivenDeformation:
+        """The deformation that `fit` has learned; InputError before."""
         if self._deformation is None:
             raise InputError(f"{type(self).__name__} has learned nothing yet; call fit first")
         return self._deformation
@@ -67,12 +71,12 @@ class GradientMethod(ABC):
 
     def encode(self, vertices: ArrayLike) -> FloatArray:
         """Codes (N, K) whose features are closest to those of shapes (N, V, 3): least squares."""
-        space = self._learned().space
+        space = self.learned().space
         return space.project(self._extract(checked_shapes(vertices, len(space.base))))
 
     def fit_codes(self, vertices: ArrayLike) -> FloatArray:
         """Codes (N, K) whose vertices come closest to shapes (N, V, 3), centroids aligned."""
-        deformation = self._learned()
+        deformation = self.learned()
         shapes = checked_shapes(vertices, len(deformation.space.base))
         found = [
             deformation.space.closest(shape, w, deformation.prior)
@@ -82,14 +86,14 @@ class GradientMethod(ABC):
 
     def decode(self, codes: ArrayLike) -> FloatArray:
         """Shapes (N, V, 3) of codes (N, K), centroids at the reference's."""
-        space = self._learned().space
+        space = self.learned().space
         return space.decode(checked_codes(codes, len(space.components)))
 
     def fit_handles(self, vertices: ArrayLike, targets: ArrayLike) -> FloatArray:
         """The mesh (V, 3) with vertices (H,) exactly at targets (H, 3)."""
-        deformation = self._learned()
+        deformation = self.learned()
         index, goals = checked_handles(vertices, targets, len(deformation.space.base))
-        return deformation.fit(index, goals, self._chosen)
+        return deformation.fit(index, goals, self.chosen_noise)
 
 
 class GradientSplocsMethod(GradientMethod):

@@ -60,6 +60,9 @@ class EdgeSplocs:
         settings: of the decomposition; None is its default.
         noise: of handle fits, see `EdgeDeformation.fit`; None chooses it from `NOISES` when
             learning, on training shapes left out.
+
+    Attributes:
+        chosen_noise: the noise of handle fits, given or chosen; 0 before `fit`.
     """
 
     name: ClassVar[str] = "SPLOCS edges"
@@ -72,7 +75,7 @@ class EdgeSplocs:
         self.settings = settings or LocalisedSettings()
         self.noise = noise
         self._deformation: EdgeDeformation | None = None
-        self._chosen = 0.0
+        self.chosen_noise = 0.0
 
     def fit(self, shapes: MeshSequence, components: int, seed: int = 0) -> Self:
         """Learn K = `components` components; shape 0 is the reference.
@@ -103,24 +106,24 @@ class EdgeSplocs:
             rounds = min(self.settings.rounds, _ROUNDS_OF_A_TRIAL)
             return fit_each_noise(learn(kept, replace(self.settings, rounds=rounds)).fit)
 
-        self._chosen = self.noise or choose_noise(trial, shapes, geodesics, NOISES, seed)
+        self.chosen_noise = self.noise or choose_noise(trial, shapes, geodesics, NOISES, seed)
         self._deformation = learn(np.arange(len(shapes)), self.settings)
         return self
 
     @property
     def components(self) -> FloatArray:
         """Components (K, E, 2): changes of edges' lengths and angles, as `Shell` weighs them."""
-        return self._learned().space.components
+        return self.learned().space.components
 
     @property
     def edges(self) -> IntArray:
         """Ends (E, 2) of the edges that the components speak of."""
-        return self._learned().space.shell.hinges[:, :2]
+        return self.learned().space.shell.hinges[:, :2]
 
     def weights(self, vertices: ArrayLike) -> FloatArray:
         """Weights (N, K) of shapes (N, V, 3) by least squares on features, without their frames."""
         shapes = self._checked(vertices)
-        space = self._learned().space
+        space = self.learned().space
         return space.project(np.array([space.shell.features(p) for p in shapes]))
 
     def encode(self, vertices: ArrayLike) -> FloatArray:
@@ -130,7 +133,7 @@ class EdgeSplocs:
 
     def fit_codes(self, vertices: ArrayLike) -> FloatArray:
         """Codes (N, K + 3) whose vertices come closest to shapes (N, V, 3)."""
-        deformation = self._learned()
+        deformation = self.learned()
         space = deformation.space
         shapes = self._checked(vertices)
         w = self.weights(shapes)
@@ -139,7 +142,7 @@ class EdgeSplocs:
 
     def decode(self, codes: ArrayLike) -> FloatArray:
         """Shapes (N, V, 3) of codes (N, K + 3), centroids at the reference's."""
-        space = self._learned().space
+        space = self.learned().space
         rows = checked_codes(codes, len(space.components) + 3)
         centre = space.poisson.centroid
         p = np.empty((len(rows), *space.shell.reference.vertices.shape))
@@ -149,22 +152,23 @@ class EdgeSplocs:
 
     def fit_handles(self, vertices: ArrayLike, targets: ArrayLike) -> FloatArray:
         """The mesh (V, 3) with vertices (H,) exactly at targets (H, 3)."""
-        deformation = self._learned()
+        deformation = self.learned()
         V = len(deformation.space.shell.reference.vertices)
-        return deformation.fit(*checked_handles(vertices, targets, V), self._chosen)
+        return deformation.fit(*checked_handles(vertices, targets, V), self.chosen_noise)
 
-    def _learned(self) -> EdgeDeformation:
+    def learned(self) -> EdgeDeformation:
+        """The deformation that `fit` has learned; InputError before."""
         if self._deformation is None:
             raise InputError("EdgeSplocs has learned nothing yet; call fit first")
         return self._deformation
 
     def _checked(self, vertices: ArrayLike) -> FloatArray:
-        V = len(self._learned().space.shell.reference.vertices)
+        V = len(self.learned().space.shell.reference.vertices)
         return checked_shapes(vertices, V)
 
     def _with_frames(self, w: FloatArray, shapes: FloatArray) -> FloatArray:
         """Weights (N, K) and the rotation vectors that lay their shapes on `shapes` best."""
-        space = self._learned().space
+        space = self.learned().space
         turned = np.empty((len(w), 3))
         for n, row in enumerate(w):
             turned[n] = rotation_to_log(procrustes(space.decode(row), shapes[n])[0])

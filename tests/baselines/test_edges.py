@@ -257,7 +257,7 @@ def test_components_times_weights_are_the_features():
 
 
 def test_what_encoding_rebuilt_is_not_rebuilt_by_decoding(monkeypatch):
-    shell, unseen = learned()._learned().space.shell, twist(sequence().vertices[3], 0.2)[None]
+    shell, unseen = learned().learned().space.shell, twist(sequence().vertices[3], 0.2)[None]
     calls, closest = [], shell.closest
     monkeypatch.setattr(shell, "closest", lambda *given: calls.append(1) or closest(*given))
     codes = learned().encode(unseen)
@@ -296,7 +296,7 @@ def test_learning_twice_gives_the_same_and_chooses_the_same():
     few = LocalisedSettings(rounds=3)
     shapes = sequence(8)
     one, two = EdgeSplocs(few).fit(shapes, 4), EdgeSplocs(few).fit(shapes, 4)
-    assert one._chosen == two._chosen > 0
+    assert one.chosen_noise == two.chosen_noise > 0
     np.testing.assert_array_equal(one.encode(shapes.vertices), two.encode(shapes.vertices))
     targets = shapes.vertices[3][HANDLES]
     np.testing.assert_array_equal(

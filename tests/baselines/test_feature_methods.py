@@ -248,7 +248,7 @@ def test_the_unit_of_length_does_not_matter(method):
     small, shapes = learned(method, None), sequence()
     # A power of two scales without rounding: a tube has ties that rounding would break.
     large = method(FEW).fit(MeshSequence(2.0**20 * shapes.vertices, shapes.faces), 8)
-    assert large._chosen == small._chosen
+    assert large.chosen_noise == small.chosen_noise
     codes = small.encode(shapes.vertices)
     np.testing.assert_allclose(large.encode(2.0**20 * shapes.vertices), codes, atol=1e-6)
     targets = shapes.vertices[4][HANDLES] + 0.1
@@ -295,7 +295,7 @@ def test_noise_is_the_one_that_recovers_shapes_left_out():
 def test_linear_components_are_the_decoders_representative_shapes():
     model, shapes = small_model(), sequence()
     own = LinearComponents(model, noise=0.01).fit(shapes, 6)
-    learned_space = own._learned().space
+    learned_space = own.learned().space
     z = model.encode(shapes.vertices[:1])[0]
     for k in range(6):
         ends = []
@@ -310,7 +310,7 @@ def test_linear_components_are_the_decoders_representative_shapes():
     targets = shapes.vertices[4][HANDLES]
     np.testing.assert_array_equal(own.fit_handles(HANDLES, targets)[HANDLES], targets)
     chosen = LinearComponents(model).fit(shapes, 6)
-    assert chosen._chosen > 0
+    assert chosen.chosen_noise > 0
     with pytest.raises(InputError, match="has 6, got 5"):
         LinearComponents(model).fit(shapes, 5)
 
