@@ -22,7 +22,7 @@ from deformer.geometry.mesh import MeshSequence
 from deformer.geometry.metrics import e_rms
 from deformer.geometry.rotations import log_to_rotation, polar
 from deformer.model.latent_prior import LatentPrior, fit_prior
-from deformer.training.cross_validation import choose_noise, one_by_one
+from deformer.training.cross_validation import choose_noise, fit_each_noise
 from deformer.training.sparse_components import LocalisedSettings
 from shapes import random_rotation, sequence, small_model, tube, twist
 
@@ -278,7 +278,9 @@ def test_noise_is_the_one_that_recovers_shapes_left_out():
         asked.append(kept)
         # Right at 0.2, and worse on either side.
         truth = {tuple(s[:2].ravel()): s for s in shapes.vertices}
-        return one_by_one(lambda h, targets, noise: _with_handles(shapes, h, targets, truth, noise))
+        return fit_each_noise(
+            lambda h, targets, noise: _with_handles(shapes, h, targets, truth, noise)
+        )
 
     def _with_handles(shapes, h, targets, truth, noise):
         shape = min(truth.values(), key=lambda s: ((s[h] - targets) ** 2).sum())
