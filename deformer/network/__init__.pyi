@@ -16,7 +16,7 @@ from .decoder import (
 from .encoder import (
     Encoder as Encoder,
 )
-from .losses import (
+from .locality import (
     locality_row as locality_row,
 )
 from .weights import (

@@ -6,7 +6,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from deformer.geometry import FloatArray, Geodesics
+from deformer.geometry import Geodesics
+from deformer.network.locality import locality_row
 
 
 def reconstruction(x: Tensor, estimate: Tensor) -> Tensor:
@@ -30,11 +31,6 @@ def latent_range(z: Tensor, limit: float) -> Tensor:
 def centres(C: Tensor) -> Tensor:
     """Centre c_k = argmax_i ‖C_k^i‖₂ (K,) of every component of C (V, μ, K)."""
     return C.square().sum(dim=1).argmax(dim=0)
-
-
-def locality_row(distance: FloatArray, d_min: float, d_max: float) -> FloatArray:
-    """Λ of normalised geodesic distances: 0 below d_min, 1 above d_max, linear between."""
-    return np.clip((distance - d_min) / (d_max - d_min), 0.0, 1.0)
 
 
 class Locality:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from deformer.errors import InputError
@@ -137,9 +138,11 @@ class _Descent:
             for name, value in state.items():
                 tensors[f"adam.{index}.{name}"] = value
         tensors["generator"] = self._generator.get_state()
-        return {"loss": self.loss, "reconstruction": self.reconstruction}, tensors
+        arrays = {name: value.detach().cpu().numpy() for name, value in tensors.items()}
+        return {"loss": self.loss, "reconstruction": self.reconstruction}, arrays
 
-    def restore(self, status: dict[str, Any], tensors: dict[str, Tensor]) -> None:
+    def restore(self, status: dict[str, Any], arrays: dict[str, NDArray]) -> None:
+        tensors = {name: torch.tensor(array) for name, array in arrays.items()}
         state: dict[int, dict[str, Tensor]] = {}
         for name, value in tensors.items():
             if name.startswith("adam."):

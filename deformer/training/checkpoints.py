@@ -1,4 +1,4 @@
-"""Checkpoints: a JSON status and the tensors it names, never half written."""
+"""Checkpoints: a JSON status and the arrays it names, never half written."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
-from torch import Tensor
+from safetensors.numpy import load_file, save_file
 
 from deformer.errors import InputError
 from deformer.io import atomic_path
@@ -23,7 +24,7 @@ def has_checkpoint(folder: str | Path) -> bool:
 
 
 def save_checkpoint(
-    folder: Path, identity: dict[str, Any], status: dict[str, Any], tensors: dict[str, Tensor]
+    folder: Path, identity: dict[str, Any], status: dict[str, Any], arrays: dict[str, NDArray]
 ) -> None:
     """Replace the folder's checkpoint.
 
@@ -31,17 +32,15 @@ def save_checkpoint(
         folder: made where it is missing.
         identity: what a run has to agree with to go on from here; JSON values.
         status: JSON values, among them the "epoch".
-        tensors: everything else.
+        arrays: everything else.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    # Both files carry the epoch in their name; the JSON is renamed last and names its tensors, so
+    # Both files carry the epoch in their name; the JSON is renamed last and names the other, so
     # that a crash between the two leaves the previous pair valid.
     name = f"epoch-{status['epoch']:07d}.safetensors"
     with atomic_path(folder / name) as path:
-        save_file({k: v.contiguous().cpu() for k, v in tensors.items()}, path)
-    text = json.dumps(
-        {"format": _FORMAT, "identity": identity, **status, "tensors": name}, indent=1
-    )
+        save_file({k: np.asarray(v, order="C") for k, v in arrays.items()}, path)
+    text = json.dumps({"format": _FORMAT, "identity": identity, **status, "arrays": name}, indent=1)
     with atomic_path(folder / _FILE) as path:
         path.write_text(text + "\n")
     for old in folder.glob("epoch-*.safetensors"):
@@ -51,8 +50,8 @@ def save_checkpoint(
 
 def load_checkpoint(
     folder: Path | None, identity: dict[str, Any]
-) -> tuple[dict[str, Any], dict[str, Tensor]]:
-    """Status and tensors of the folder's checkpoint.
+) -> tuple[dict[str, Any], dict[str, NDArray]]:
+    """Status and arrays of the folder's checkpoint.
 
     Raises:
         InputError: there is none, it is damaged, or it is of another identity.
@@ -64,7 +63,7 @@ def load_checkpoint(
         raise InputError(f"{where}: no checkpoint to resume; start without --resume")
     try:
         status = json.loads(where.read_text())
-        tensors = load_file(folder / status["tensors"])
+        arrays = load_file(folder / status["arrays"])
         known, written = status["format"], status["identity"]
     except (ValueError, KeyError, OSError, SafetensorError) as error:
         raise InputError(f"{where}: not a readable checkpoint ({error}); delete it") from error
@@ -74,4 +73,4 @@ def load_checkpoint(
             f"{where}: made with other {', '.join(differing) or 'software'}; "
             "resume with the same shapes and options, or delete it"
         )
-    return status, tensors
+    return status, arrays

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
-from torch import Tensor
+from numpy.typing import NDArray
 
 from deformer.acap import FeatureScaler
 from deformer.errors import InputError
@@ -108,10 +107,10 @@ class _Rounds:
         return self._problem.terms()
 
     def state(self) -> State:
-        return {}, {name: torch.from_numpy(array) for name, array in self._problem.state.items()}
+        return {}, self._problem.state
 
-    def restore(self, status: dict[str, Any], tensors: dict[str, Tensor]) -> None:
-        self._problem.restore({name: tensor.numpy() for name, tensor in tensors.items()})
+    def restore(self, status: dict[str, Any], arrays: dict[str, NDArray]) -> None:
+        self._problem.restore(arrays)
 
 
 def _weights(problem: Factorisation, unit: float, bias: FloatArray) -> NetworkWeights:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from torch import Tensor
+from numpy.typing import NDArray
 
 from deformer.geometry import FloatArray
 from deformer.network import ModelConfig, NetworkWeights
@@ -18,8 +18,8 @@ from deformer.training.interrupts import DeferredInterrupt
 
 _CHECKPOINT_SECONDS = 30.0
 
-# What a checkpoint holds: JSON values, and tensors.
-State = tuple[dict[str, Any], dict[str, Tensor]]
+# What a checkpoint holds: JSON values, and arrays.
+State = tuple[dict[str, Any], dict[str, NDArray]]
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Trainee(Protocol):
         """All that later steps depend on."""
         ...
 
-    def restore(self, status: dict[str, Any], tensors: dict[str, Tensor]) -> None:
+    def restore(self, status: dict[str, Any], arrays: dict[str, NDArray]) -> None:
         """Go on from a `state`."""
         ...
 
@@ -116,8 +116,8 @@ def run_training(
     """
     epoch, seconds = 0, 0.0
     if resume:
-        status, tensors = load_checkpoint(checkpoint, identity)
-        trainee.restore(status, tensors)
+        status, arrays = load_checkpoint(checkpoint, identity)
+        trainee.restore(status, arrays)
         epoch, seconds = status["epoch"], status["seconds"]
     else:
         trainee.start()
@@ -126,9 +126,9 @@ def run_training(
 
     def save() -> None:
         if checkpoint is not None:
-            status, tensors = trainee.state()
+            status, arrays = trainee.state()
             status = {"epoch": epoch, "seconds": seconds, **status}
-            save_checkpoint(checkpoint, identity, status, tensors)
+            save_checkpoint(checkpoint, identity, status, arrays)
 
     try:
         with DeferredInterrupt() as interrupt:

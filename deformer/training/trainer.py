@@ -64,7 +64,8 @@ def train(
     Source: Tan et al. 2018; `docs/equations.md` says which function has which of its equations.
     """
     settings = resolve_config(config, components=components, epochs=epochs, align=align_shapes)
-    resolve_device(device)
+    if device not in ("cpu", "auto"):  # torch takes seconds to import; Adam alone needs it
+        resolve_device(device)
     if up.removeprefix("-") not in ("x", "y", "z"):
         raise InputError(f"up: expected x, y, z, -x, -y or -z, got {up!r}")
     if resume and (checkpoint is None or not has_checkpoint(checkpoint)):

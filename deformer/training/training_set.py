@@ -19,7 +19,6 @@ from deformer.model import (
     fit_rigid_prior,
 )
 from deformer.network import Decoder, Encoder, FactorisationSettings, ModelConfig, NetworkWeights
-from deformer.training.adam import fit
 from deformer.training.denoising import remove_noise
 from deformer.training.factorisation import factor
 from deformer.training.loop import TrainingResult
@@ -108,6 +107,9 @@ class TrainingSet:
         """Train a network by the configuration's method; `options` as in `factor` and `fit`."""
         if isinstance(config.training, FactorisationSettings):
             return factor(self.x, self.scaler, self.geodesics, config, **options)
+        # torch takes seconds to import; only Adam needs it.
+        from deformer.training.adam import fit
+
         mesh = self.extractor.indptr, self.extractor.rings, self.geodesics
         return fit(self.x, *mesh, config, seed=seed, device=device, **options)
 

@@ -228,8 +228,8 @@ def test_a_checkpoint_is_json_and_safetensors(stopped):
     files = sorted(path.name for path in stopped.iterdir())
     status = json.loads((stopped / "checkpoint.json").read_text())
     assert status["epoch"] == 20
-    assert files == ["checkpoint.json", status["tensors"]]
-    tensors = load_file(stopped / status["tensors"])
+    assert files == ["checkpoint.json", status["arrays"]]
+    tensors = load_file(stopped / status["arrays"])
     assert all(torch.isfinite(value).all() for value in tensors.values())
 
 
@@ -297,13 +297,13 @@ def test_resuming_without_a_checkpoint_is_refused(data, tmp_path):
     [
         ("checkpoint.json", b"{"),
         ("checkpoint.json", b"{}"),
-        ("tensors", None),
-        ("tensors", b"no tensors here"),
+        ("arrays", None),
+        ("arrays", b"no tensors here"),
     ],
 )
 def test_damaged_checkpoints_are_refused(data, stopped, name, content):
     status = json.loads((stopped / "checkpoint.json").read_text())
-    path = stopped / (status["tensors"] if name == "tensors" else name)
+    path = stopped / (status["arrays"] if name == "arrays" else name)
     if content is None:
         path.unlink()
     else:
