@@ -66,12 +66,10 @@ def main() -> None:
         while error > goal and (spent := time.perf_counter() - begun) < options.limit:
             optimiser.zero_grad()
             estimate, z = network(batch)
-            fit = losses.reconstruction(batch, estimate)
-            sparse = losses.sparsity(network.C, locality.update(network.C))
-            spread = losses.latent_range(z, adam.range_limit)
-            (fit + adam.sparsity * sparse + adam.range_weight * spread).backward()
+            loss = losses.loss(batch, estimate, z, network.C, locality.update(network.C))
+            loss.total.backward()
             optimiser.step()
-            error, steps = fit.item(), steps + 1
+            error, steps = loss.reconstruction.item(), steps + 1
             progress.update(task, completed=spent)
     spent = time.perf_counter() - begun
     reached = error <= goal

@@ -222,6 +222,13 @@ def continuous_logs(
 ) -> tuple[FloatArray, np.ndarray]:
     """Rotation vectors of R, chosen so that they are continuous over the edges of a mesh.
 
+    A rotation about ω by θ is also one about ω by θ + 2πt, and about −ω by −θ + 2πt (Tan et al.
+    2018, rotation angles and axes). Chosen is a sign o_i and a number of turns t_i, such that
+
+    - Σ_(i,j)∈E o_i o_j s(ω_i · ω_j) is large (Gao et al. 2019, objective 1), s the sign, 0 where
+      the axes are nearly perpendicular or one of the angles is small, and
+    - Σ_(i,j)∈E ‖(2π t_i + o_i θ_i) − (2π t_j + o_j θ_j)‖² is small (Gao et al. 2019, objective 2).
+
     Args:
         R: (V, 3, 3) rotations at the vertices.
         indptr: (V+1,) row starts of the one-rings.

@@ -192,7 +192,8 @@ class FeatureExtractor:
     def gradients(self, vertices: ArrayLike) -> FloatArray:
         """Deformation gradients T (V, 3, 3) from the reference to `vertices` (V, 3).
 
-        T_i = argmin Σ_j c_ij ‖(p_i − p_j) − T (v_i − v_j)‖² over the one-ring. A flat ring leaves
+        T_i = argmin Σ_j c_ij ‖(p_i − p_j) − T (v_i − v_j)‖² over the one-ring (Tan et al. 2018,
+        deformation gradient). A flat ring leaves
         T open along the normal; there the reference's unit normal goes to the shape's. A ring
         collapsed to a line or a point falls back on the closest rotation.
 

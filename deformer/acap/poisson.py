@@ -87,6 +87,8 @@ def _bridge_edges(v: FloatArray, count: int, labels: np.ndarray) -> np.ndarray:
 class PoissonSystem:
     """Vertices from deformation gradients: p = argmin Σ c_ij ‖(p_i − p_j) − T_i (v_i − v_j)‖².
 
+    Gao et al. 2019, reconstruction.
+
     The normal equations are L p = b(T), b_i = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j). The Laplacian L
     depends on the reference alone and is factored here, once.
 

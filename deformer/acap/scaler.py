@@ -11,7 +11,9 @@ from deformer.geometry import FloatArray
 
 @dataclass(frozen=True)
 class FeatureScaler:
-    """Linear map of features to [−0.95, 0.95], one range for r and one for s (the paper).
+    """Linear map of features to [−0.95, 0.95], one range for r and one for s.
+
+    Tan et al. 2018, feature scaling.
 
     Args:
         r_min, r_max: range of all entries of the rotation vectors, radians.

@@ -13,7 +13,7 @@ from deformer.model import DeformationModel
 class Activations:
     """Extremes, strength and support of a model's components.
 
-    After the section "Component Analysis" of Tan et al., AAAI 2018: with the reference's latent
+    Tan et al. 2018, component analysis (in section "Applications"): with the reference's latent
     code Z_r, component k is taken to its least and to its greatest value over the training codes.
     Of the two decoded shapes, the one whose features lie farther from the reference's represents
     the component. The reference is compared as it is decoded, so that a component without effect

@@ -21,7 +21,7 @@ Weights = Mapping[Any, float]
 
 
 class Synthesis:
-    """Shapes by a weight for each component (Tan et al., AAAI 2018, "Shape Synthesis").
+    """Shapes by a weight for each component (Tan et al. 2018, equation 9).
 
     Entry k of the code is z_k = start_k + w_k (Z_k,h − Z_k,r): weight 0 leaves the start, weight 1
     from the reference is the component's representative shape.
@@ -52,6 +52,7 @@ class Synthesis:
             InputError: no such component, one given twice (by index and by name), a weight that is
                 not finite.
         """
+        # z_k = start_k + (Z_k,h − Z_k,r) w_k (Tan et al. 2018, equation 9)
         span = self.activations.extreme - self.activations.reference
         return self.start + self._vector(weights) * span
 

@@ -65,7 +65,7 @@ def sparse_control(
 ) -> Errors:
     """Recover whole shapes from a few control vertices; the method sees nothing else of them.
 
-    Nothing is aligned: the control vertices fix the frame.
+    Tan et al. 2018, sparse control. Nothing is aligned: the control vertices fix the frame.
 
     Args:
         method: trained on other shapes.

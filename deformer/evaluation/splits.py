@@ -34,14 +34,14 @@ class Split:
 
 
 def random_split(count: int, seed: int) -> Split:
-    """A random half to train on, the larger one (36 of SCAPE's 71 shapes)."""
+    """A random half to train on, the larger one: 36 of 71 (Tan et al. 2018, split of SCAPE)."""
     order = np.random.default_rng(seed).permutation(count).tolist()
     half = (count + 1) // 2
     return Split(tuple(order[:half]), tuple(order[half:]))
 
 
 def sequence_split(count: int, seed: int) -> Split:
-    """One frame drawn from every ten in order to train on; the rest to test."""
+    """One frame drawn from every ten to train on (Tan et al. 2018, split of sequences)."""
     rng = np.random.default_rng(seed)
     starts = range(0, count, FRAMES_A_BLOCK)
     train = {int(rng.integers(start, min(start + FRAMES_A_BLOCK, count))) for start in starts}

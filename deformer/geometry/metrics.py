@@ -24,7 +24,7 @@ _SHORTEST_EDGE = 1e-3
 
 
 def e_rms(truth: ArrayLike, estimate: ArrayLike, align: Alignment = "centroid") -> float:
-    """E_rms = 1000 · sqrt(Σ ‖p − p̂‖² / (3·V·N)) in the data's own units (Kavan et al. 2010).
+    """E_rms = 1000 · sqrt(Σ ‖p − p̂‖² / (3·V·N)) in the data's own units (Kavan et al. 2010, E_rms).
 
     Args:
         truth: (N, V, 3) or (V, 3) true positions.
@@ -61,8 +61,8 @@ class Sted:
 def sted(truth: ArrayLike, estimate: ArrayLike, faces: ArrayLike) -> Sted:
     """STED, the spatio-temporal edge difference of two sequences.
 
-    After Váša and Skala, "A Perception Correlated Comparison Method for Dynamic Meshes" (IEEE TVCG
-    2011). The eye forgives a stretch that its surroundings share and sees one that differs from
+    Váša and Skala 2011, STED ("A Perception Correlated Comparison Method for Dynamic Meshes", IEEE
+    TVCG). The eye forgives a stretch that its surroundings share and sees one that differs from
     them. The spatial part is `sted_spatial`. The temporal part does the same along time: a vertex's
     step from one frame to the next has the length τ = √(‖step‖² + dt²), δ = (τ̂ − τ)/τ, and its
     deviation is the τ-weighted standard deviation of δ over a window of steps; averaged over

@@ -252,7 +252,7 @@ def right_jacobian(r: ArrayLike) -> FloatArray:
 
 
 def polar(T: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Polar decomposition T = R S of matrices (..., 3, 3).
+    """Polar decomposition T = R S of matrices (..., 3, 3) (Tan et al. 2018, polar decomposition).
 
     Returns:
         R (..., 3, 3), proper rotations (determinant +1) that maximise tr(Rᵀ T), and symmetric

@@ -70,7 +70,9 @@ class _RingMean(torch.autograd.Function):
 
 
 class GraphConv(nn.Module):
-    """Graph convolution y_i = W_point x_i + W_neighbour mean_{j∈N(i)} x_j + b (the paper, eq. 1).
+    """Graph convolution y_i = W_point x_i + W_neighbour mean_{j∈N(i)} x_j + b.
+
+    Tan et al. 2018, equation 1.
 
     Args:
         inputs: d, width of x.
@@ -175,11 +177,13 @@ class MeshAutoencoder(nn.Module):
 
     def encode(self, x: Tensor, mean: Tensor | None = None) -> Tensor:
         """Latent codes z (N, K) of scaled features x (V, N, 9); `mean` is their ring mean."""
+        # z = C f (Tan et al. 2018, equation 2)
         return self._convolve(x, mean) @ self.C.reshape(-1, self.C.shape[2])
 
     def decode(self, z: Tensor) -> Tensor:
         """Scaled features (V, N, 9) of latent codes z (N, K)."""
         V, width, K = self.C.shape
+        # f̂ = Cᵀ z (Tan et al. 2018, equation 3)
         x = (self.C.reshape(V * width, K) @ z.T).reshape(V, width, len(z)).transpose(1, 2)
         for conv in reversed(self.layers):
             x = torch.tanh(conv.back(x, self.mean(x)))

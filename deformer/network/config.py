@@ -14,6 +14,8 @@ FEATURES = 9
 class AdamSettings:
     """Training of the whole network by Adam; the defaults are the paper's.
 
+    Tan et al. 2018, training (at the end of section "Network Architecture").
+
     Args:
         layers: output width of each graph convolution of the encoder; the last is the paper's μ.
         epochs: steps of Adam.

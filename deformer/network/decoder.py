@@ -111,6 +111,7 @@ class Decoder:
         near = mean[rows].astype(np.float32) @ C.reshape(V, -1)
         near = near.reshape(len(rows), *C.shape[1:])
         own = C if vertices is None else C[rows]
+        # f̂ = Cᵀ z (Tan et al. 2018, equation 3) and the first convolution's affine part in one:
         # (n, d, K), single precision as the network itself.
         self.matrix = np.matmul(point.T.astype(np.float32), own)
         self.matrix += np.matmul(neighbour.T.astype(np.float32), near)

@@ -46,7 +46,8 @@ class Encoder:
             part = slice(start, start + _BATCH)
             x = self._scaler.scale(q[part]).astype(np.float32)
             f = np.stack([self._convolve(shape).ravel() for shape in x])
-            codes[part] = f @ C.reshape(-1, C.shape[2])  # z = C f (equation 2)
+            # z = C f (Tan et al. 2018, equation 2)
+            codes[part] = f @ C.reshape(-1, C.shape[2])
         return codes
 
     def _convolve(self, x: Weights) -> Weights:

@@ -1,6 +1,8 @@
-"""The three terms of the paper's loss."""
+"""The paper's loss: its three terms and their sum (Tan et al. 2018, equations 4 to 8)."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -10,13 +12,71 @@ from deformer.geometry import Geodesics
 from deformer.network.locality import locality_row
 
 
+class Loss(NamedTuple):
+    """The terms of the loss, each with its weight, as scalar tensors.
+
+    Args:
+        reconstruction: mean squared error of a shape's features.
+        sparsity: λ₁ Ω(C).
+        latent_range: λ₂ V(Z).
+    """
+
+    reconstruction: Tensor
+    sparsity: Tensor
+    latent_range: Tensor
+
+    @property
+    def total(self) -> Tensor:
+        """The sum of the terms."""
+        return self.reconstruction + self.sparsity + self.latent_range
+
+
+def loss(
+    x: Tensor,
+    estimate: Tensor,
+    z: Tensor,
+    C: Tensor,
+    locality: Tensor,
+    *,
+    sparsity_weight: float = 0.5,
+    range_weight: float = 0.5,
+    range_limit: float = 5.0,
+) -> Loss:
+    """The total loss (Tan et al. 2018, equation 8): (1/N) Σ_m ‖X̂_m − X_m‖² + λ₁ Ω(C) + λ₂ V(Z).
+
+    Args:
+        x: (V, N, 9) scaled features of the shapes.
+        estimate: (V, N, 9) features that the network makes of them.
+        z: (N, K) their latent codes.
+        C: (V, μ, K) components.
+        locality: Λ (V, K), of `Locality.update`.
+        sparsity_weight: λ₁.
+        range_weight: λ₂.
+        range_limit: θ.
+    """
+    return Loss(
+        reconstruction(x, estimate),
+        sparsity_weight * sparsity(C, locality),
+        range_weight * latent_range(z, range_limit),
+    )
+
+
 def reconstruction(x: Tensor, estimate: Tensor) -> Tensor:
-    """Squared error summed over a shape, mean over shapes; both (V, N, 9)."""
+    """Squared error summed over a shape, mean over shapes; the first term of the total loss.
+
+    Args:
+        x, estimate: (V, N, 9) scaled features.
+    """
     return (estimate - x).square().sum() / x.shape[1]
 
 
 def sparsity(C: Tensor, locality: Tensor) -> Tensor:
-    """Ω(C) = (1/K) Σ_k Σ_i Λ_ik ‖C_k^i‖₂ for C (V, μ, K) and Λ (V, K)."""
+    """Ω(C) = (1/K) Σ_k Σ_i Λ_ik ‖C_k^i‖₂ (Tan et al. 2018, equation 4).
+
+    Args:
+        C: (V, μ, K) components.
+        locality: Λ (V, K).
+    """
     # Written out: torch's norm along an inner axis takes ten times as long. The floor is for the
     # gradient, 0 where C_k^i is.
     lengths = C.square().sum(dim=1).clamp(min=torch.finfo(C.dtype).tiny).sqrt()
@@ -24,12 +84,23 @@ def sparsity(C: Tensor, locality: Tensor) -> Tensor:
 
 
 def latent_range(z: Tensor, limit: float) -> Tensor:
-    """V(Z) = (1/K) Σ_k max(0, max_m |Z_km| − θ) for z (N, K) and θ = `limit`."""
+    """V(Z) = (1/K) Σ_k max(0, max_m |Z_km| − θ) (Tan et al. 2018, equation 7).
+
+    The paper's equation has no max(0, ·): without it small codes would be rewarded.
+
+    Args:
+        z: (N, K) latent codes.
+        limit: θ.
+    """
     return (z.abs().amax(dim=0) - limit).clamp(min=0).sum() / z.shape[1]
 
 
 def centres(C: Tensor) -> Tensor:
-    """Centre c_k = argmax_i ‖C_k^i‖₂ (K,) of every component of C (V, μ, K)."""
+    """Centres c_k = argmax_i ‖C_k^i‖₂ (K,) of components (Tan et al. 2018, equation 6).
+
+    Args:
+        C: (V, μ, K) components.
+    """
     return C.square().sum(dim=1).argmax(dim=0)
 
 
@@ -37,7 +108,7 @@ class Locality:
     """Λ (V, K) that follows the centres of the components, K geodesic rows at a time.
 
     Args:
-        geodesics: distances of the reference.
+        geodesics: distances over the reference.
         d_min, d_max: as in `ModelConfig`.
     """
 
@@ -49,7 +120,7 @@ class Locality:
         self._matrix: Tensor | None = None
 
     def update(self, C: Tensor) -> Tensor:
-        """Λ (V, K) for the present centres of C (V, μ, K); only moved columns are renewed."""
+        """Λ (V, K) for the current centres of C (V, μ, K); computes moved columns only."""
         with torch.no_grad():
             found = centres(C).cpu().numpy()
         if self._centres is None or self._matrix is None:

@@ -103,12 +103,18 @@ class _Descent:
             group["lr"] = _learning_rate(settings, epoch)
         self._optimiser.zero_grad(set_to_none=True)
         estimate, z = network(batch, self._mean)
-        error = losses.reconstruction(batch, estimate)
-        sparse = settings.sparsity * losses.sparsity(network.C, self._locality.update(network.C))
-        spread = settings.range_weight * losses.latent_range(z, settings.range_limit)
-        loss = error + sparse + spread
-        loss.backward()
-        terms = error.item(), sparse.item(), spread.item()
+        loss = losses.loss(
+            batch,
+            estimate,
+            z,
+            network.C,
+            self._locality.update(network.C),
+            sparsity_weight=settings.sparsity,
+            range_weight=settings.range_weight,
+            range_limit=settings.range_limit,
+        )
+        loss.total.backward()
+        terms = tuple(term.item() for term in loss)
         if self._stochastic:
             # The loss of one batch does not tell which weights are best; the newest are kept.
             self.loss, self.reconstruction = sum(terms), terms[0]

@@ -87,6 +87,8 @@ def localised_components(
 ) -> Localised:
     """Factor data into few local components: minimise ½‖X − W C‖² + λ Σ_k Σ_i Λ_ki ‖C_ki‖₂.
 
+    Neumann et al. 2013, objective; Λ is that of Tan et al. 2018, equation 5.
+
     Λ_ki grows from 0 to 1 with the distance of site i from the centre of component k. The
     components start by greedy deflation: each takes the site that moves most in the residual.
     Then rounds of three steps: the weights by block coordinate descent in their range, the centres

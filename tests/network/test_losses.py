@@ -40,6 +40,26 @@ def test_latent_range_counts_what_goes_beyond_the_limit():
     assert losses.latent_range(z, 7.5).item() == 0.0
 
 
+def test_the_total_is_the_weighted_sum_of_the_terms():
+    rng = torch.Generator().manual_seed(0)
+    x, estimate = torch.randn(2, 4, 3, 9, generator=rng)
+    C = torch.randn(4, 2, 5, generator=rng)
+    z, locality = 8 * torch.randn(3, 5, generator=rng), torch.rand(4, 5, generator=rng)
+    found = losses.loss(
+        x, estimate, z, C, locality, sparsity_weight=0.3, range_weight=0.7, range_limit=4.0
+    )
+    expected = (
+        losses.reconstruction(x, estimate)
+        + 0.3 * losses.sparsity(C, locality)
+        + 0.7 * losses.latent_range(z, 4.0)
+    )
+    assert found.total.item() == pytest.approx(expected.item())
+    # The paper's weights and limit are the defaults.
+    papers = losses.loss(x, estimate, z, C, locality)
+    assert papers.sparsity.item() == pytest.approx(0.5 * losses.sparsity(C, locality).item())
+    assert papers.latent_range.item() == pytest.approx(0.5 * losses.latent_range(z, 5.0).item())
+
+
 def test_latent_range_leaves_small_codes_alone():
     z = torch.tensor([[1.0, -2.0]], requires_grad=True)
     losses.latent_range(z, 5.0).backward()
