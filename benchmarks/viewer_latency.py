@@ -27,6 +27,7 @@ from drag_latency import subdivided
 
 import deformer
 from deformer import Geodesics, farthest_points
+from deformer_app.viewer.changes import Change, FrameDrawn
 from deformer_app.viewer.editor import Editor
 
 SIZE = (1000, 800)
@@ -58,7 +59,7 @@ def main() -> None:
         for total, part in zip((last, solves, draws, gaps), found, strict=True):
             total += part
     mesh = editor.model.reference
-    width, height = editor.size
+    width, height = editor.stage.size
     kind = "exact" if chosen.exact else "soft"
     shell = "Qt window" if chosen.window else "off-screen"
     print(f"{len(mesh.vertices)} vertices, {chosen.handles} {kind} handles, {shell}")
@@ -92,14 +93,14 @@ def off_screen(model: str) -> tuple[Editor, Callable[[], None]]:
     import pyvista as pv
 
     from deformer_app.rendering.offscreen import off_screen as without_display
-    from deformer_app.viewer.events import listen
     from deformer_app.viewer.scene import MeshView
+    from deformer_app.viewer.vtk_input import listen
 
     with without_display():
         plotter = pv.Plotter(off_screen=True, window_size=list(SIZE), lighting="none")
         plotter.show(auto_close=False)
     editor = Editor(MeshView(plotter))
-    listen(editor.view, editor.controller)
+    listen(editor.state.view, editor.controller.handle)
     editor.open_model(model)
 
     def pump() -> None:
@@ -113,12 +114,12 @@ def in_window(model: str) -> tuple[Editor, Callable[[], None]]:
     from PySide6.QtWidgets import QApplication
 
     from deformer_app.viewer.qt.window import Window
-    from deformer_app.viewer.settings import Places
+    from deformer_app.viewer.settings import Settings
 
     app = QApplication([])
-    places = Places(Path(tempfile.mkdtemp()))
-    places.note_tour()
-    window = Window(places)
+    settings = Settings(Path(tempfile.mkdtemp()))
+    settings.note_tour()
+    window = Window(settings)
     window.show()
     window.begin(model, None, None)
 
@@ -140,8 +141,10 @@ def place_handles(editor: Editor, count: int, exact: bool) -> None:
     grasped = None
     for radius in range(0, 300, 4):
         for angle in np.linspace(0, 2 * np.pi, 16):
-            at = np.array(editor.size) / 2 + radius * np.array([np.cos(angle), np.sin(angle)])
-            grasped = editor.vertex_at((float(at[0]), float(at[1]))) if grasped is None else grasped
+            at = np.array(editor.stage.size) / 2 + radius * np.array([np.cos(angle), np.sin(angle)])
+            grasped = (
+                editor.stage.vertex_at((float(at[0]), float(at[1]))) if grasped is None else grasped
+            )
     assert grasped is not None, "nothing is seen"
     far = farthest_points(Geodesics(editor.model.reference), count, start=[grasped])
     for vertex in far[::-1]:
@@ -155,24 +158,26 @@ def place_handles(editor: Editor, count: int, exact: bool) -> None:
 def drag(editor: Editor, pump: Callable[[], None], way: np.ndarray) -> tuple[list, ...]:
     """There, back, and released; lists of the times in seconds."""
     handle = next(iter(editor.selected))
-    start = editor.camera.project([editor.position_of(handle)], editor.size)[0]
-    interactor = editor.view.plotter.iren.interactor
+    start = editor.stage.camera.project([editor.stage.position_of(handle)], editor.stage.size)[0]
+    interactor = editor.state.view.plotter.iren.interactor
 
     def send(name: str, at: np.ndarray) -> None:
-        interactor.SetEventInformation(int(at[0]), editor.size[1] - 1 - int(at[1]), 0, 0)
+        interactor.SetEventInformation(int(at[0]), editor.stage.size[1] - 1 - int(at[1]), 0, 0)
         interactor.InvokeEvent(name)
 
     solves, draws, frames = [], [], []
 
-    def on_frame() -> None:
+    def hear(change: Change) -> None:
+        if not isinstance(change, FrameDrawn):
+            return
         frames.append(time.perf_counter())
-        draws.append(editor.view.frame_milliseconds / 1000)
+        draws.append(editor.state.view.frame_milliseconds / 1000)
         if editor.answer is not None:
             solves.append(editor.answer.pose.milliseconds / 1000)
 
     send("MouseMoveEvent", start)
     send("LeftButtonPressEvent", start)
-    editor.on_frame = on_frame
+    editor.on_change.append(hear)
     begun = time.perf_counter()
     for n in range(1, MOVES + 1):
         while time.perf_counter() < begun + n / RATE:
@@ -191,7 +196,7 @@ def drag(editor: Editor, pump: Callable[[], None], way: np.ndarray) -> tuple[lis
         ),
     )
     last = frames[-1] - moved
-    editor.on_frame = None
+    editor.on_change.remove(hear)
     send("LeftButtonReleaseEvent", start + 0.05 * way)
     wait(pump, lambda: not editor.busy)
     editor.undo()

@@ -25,9 +25,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
+HANG = 1800.0  # seconds after which the viewer is taken to hang
 GROWTH = 0.05  # of memory since the first fifth
 # Commands that end the program, ask for files or leave the window for a dialog.
-_ASIDE = {"Quit", "Save session", "Keys and mouse", "Tour", "Turntable…", "Record"}
+_ASIDE = {"quit", "save", "help", "tour", "turntable", "record"}
 
 
 def main() -> None:
@@ -52,20 +53,24 @@ def soak(
     """Send the events; what went wrong, and by what share memory has grown."""
     from PySide6.QtWidgets import QApplication
 
+    from deformer_app.viewer.changes import Change, MistakeMade
     from deformer_app.viewer.qt.window import Window
-    from deformer_app.viewer.settings import Places
+    from deformer_app.viewer.settings import Settings
 
     app = QApplication.instance() or QApplication([])
-    places = Places(Path(tempfile.mkdtemp()))
-    places.note_tour()
-    window = Window(places)
+    settings = Settings(Path(tempfile.mkdtemp()))
+    settings.note_tour()
+    window = Window(settings)
     failures: list[str] = []
     before = sys.excepthook
     sys.excepthook = lambda kind, error, trace: failures.append(f"{kind.__name__}: {error}")
     editor = window.editor
-    editor.on_change.append(
-        lambda event: failures.append(editor.message) if event == "message" else None
-    )
+
+    def hear(change: Change) -> None:
+        if isinstance(change, MistakeMade):
+            failures.append(change.text)
+
+    editor.on_change.append(hear)
     window.show()
     window.begin(model, None, None)
 
@@ -92,8 +97,7 @@ def soak(
         failures += inconsistencies(editor, pump)
     finally:
         sys.excepthook = before
-        window._ended = True
-        window.close()
+        window.close_unsaved()
     return failures, growth
 
 
@@ -101,22 +105,24 @@ class Monkey:
     """Does one thing after the other without thinking."""
 
     def __init__(self, window: Any, chance: np.random.Generator) -> None:
+        from deformer_app.viewer.actions import ACTIONS
+
         self._window, self._chance = window, chance
         self._at = np.array([400.0, 400.0])
         self._button = ""
         self._commands = [
-            item
-            for action, item in window._actions
-            if not action.dialog and action.title not in _ASIDE
+            window.menus.items[action.id]
+            for action in ACTIONS
+            if not action.dialog and action.id not in _ASIDE
         ]
 
     def act(self) -> None:
-        """One event."""
+        """Send one event."""
         chance = self._chance
         kind = chance.choice(["move", "button", "wheel", "command", "panel", "escape"],
                              p=[0.66, 0.2, 0.03, 0.07, 0.03, 0.01])  # fmt: skip
         if kind == "move":
-            width, height = self._window.editor.size
+            width, height = self._window.editor.stage.size
             jump = chance.random() < 0.1
             step = chance.uniform(0, [width, height]) - self._at if jump else chance.normal(0, 9, 2)
             self._at = np.clip(self._at + step, 0, [width - 1, height - 1])
@@ -128,9 +134,10 @@ class Monkey:
             self._button = str(chance.choice(["Left", "Middle", "Right"], p=[0.8, 0.1, 0.1]))
             if chance.random() < 0.5:
                 editor = self._window.editor
-                place = editor.vertices[chance.integers(len(editor.vertices))]
-                pixel = editor.camera.project([place], editor.size)[0]
-                self._at = np.clip(pixel, 0, np.subtract(editor.size, 1))
+                vertex = editor.vertices[chance.integers(len(editor.vertices))]
+                stage = editor.stage
+                pixel = stage.camera.project([vertex], stage.size)[0]
+                self._at = np.clip(pixel, 0, np.subtract(stage.size, 1))
             self._send("MouseMoveEvent")
             self._send(f"{self._button}ButtonPressEvent")
         elif kind == "wheel":
@@ -140,7 +147,7 @@ class Monkey:
         elif kind == "panel":
             self._slide()
         else:
-            self._window._escape()
+            self._window.escape()
 
     def rest(self) -> None:
         """Let go of the button."""
@@ -150,13 +157,12 @@ class Monkey:
 
     def _slide(self) -> None:
         window, chance = self._window, self._chance
-        sliders = [slider for slider, _ in window._components._rows.values()]
-        sliders += [window._model._dial]
+        sliders = [*window.component_panel.sliders.values(), window.model_panel.prior]
         slider = sliders[chance.integers(len(sliders))]
         slider.setValue(int(chance.integers(slider.maximum() + 1)))
 
     def _send(self, name: str) -> None:
-        view, chance = self._window.editor.view, self._chance
+        view, chance = self._window.editor.state.view, self._chance
         interactor = view.plotter.iren.interactor
         x, y = (int(view.density * side) for side in self._at)
         height = view.plotter.render_window.GetSize()[1]
@@ -201,8 +207,8 @@ def inconsistencies(editor: Any, pump: Callable[[], None]) -> list[str]:
     return found
 
 
-def wait(pump: Callable[[], None], condition: Callable[[], bool], seconds: float = 300.0) -> None:
-    end = time.monotonic() + seconds
+def wait(pump: Callable[[], None], condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + HANG
     while not condition():
         if time.monotonic() > end:
             raise TimeoutError("the viewer never came to rest")

@@ -15,7 +15,7 @@ import numpy as np
 import deformer
 from deformer_app.cli import demo
 from deformer_app.rendering.camera import aim
-from deformer_app.rendering.offscreen import HandleMarks, contact_sheet, render
+from deformer_app.rendering.offscreen import HandleGlyphs, contact_sheet, render
 from deformer_app.rendering.sheets import save_sheet
 from deformer_app.viewer.session import NOISE
 
@@ -45,22 +45,22 @@ def draw_flag(path: Path) -> None:
     rest = model.reference.vertices
     solver = deformer.HandleSolver(model, noise=NOISE)
     solver.set_handles(handles, rest[handles])  # the flag hangs as at rest before it is pulled
-    marked = [(rest, HandleMarks(rest[handles], pinned=pinned))]
+    shown = [(rest, HandleGlyphs(rest[handles], pinned=pinned))]
     for pulled in PULLS.values():
         targets = np.concatenate([rest[handles[:2]], pulled])
         solver.set_handles(handles, targets, hard=True)
         shape = solver.solve().vertices
-        marked.append((shape, HandleMarks(shape[handles], targets, pinned)))
-    draw(path, model, marked, (420, 350), azimuth=-30, titles=["reference", *PULLS])
+        shown.append((shape, HandleGlyphs(shape[handles], targets, pinned)))
+    draw(path, model, shown, (420, 350), azimuth=-30, titles=["reference", *PULLS])
 
 
-def draw(path, model, marked, size, azimuth, titles=None):
+def draw(path, model, shown, size, azimuth, titles=None):
     """Shapes and their handles in a row, all from one camera."""
-    shapes = np.stack([vertices for vertices, _ in marked])
+    shapes = np.stack([vertices for vertices, _ in shown])
     camera = aim(shapes, up="z", azimuth=azimuth, aspect=size[0] / size[1])
     tiles = [
-        render(deformer.Mesh(vertices, model.reference.faces), camera, size, marks)
-        for vertices, marks in marked
+        render(deformer.Mesh(vertices, model.reference.faces), camera, size, glyphs)
+        for vertices, glyphs in shown
     ]
     save_sheet(path, contact_sheet(tiles, len(tiles), titles, gap=4))
 

@@ -7,7 +7,7 @@ import numpy as np
 
 import deformer
 from deformer_app.rendering.camera import aim
-from deformer_app.rendering.offscreen import HandleMarks, contact_sheet, render
+from deformer_app.rendering.offscreen import HandleGlyphs, contact_sheet, render
 from deformer_app.rendering.sheets import save_sheet
 
 
@@ -30,10 +30,10 @@ def main(picture: Path, quick: bool = False) -> float:
     shapes = [body.vertices, *(pose.vertices for pose in poses)]
     size = (120, 150) if quick else (420, 520)
     camera = aim(np.stack([*shapes]), up="z", aspect=size[0] / size[1], margin=0.1)
-    marks = [HandleMarks(p[handles], targets, [False, True, True]) for p in shapes]
+    glyphs = [HandleGlyphs(p[handles], targets, [False, True, True]) for p in shapes]
     drawn = [
-        render(deformer.Mesh(p, body.faces), camera, size, mark)
-        for p, mark in zip(shapes, marks, strict=True)
+        render(deformer.Mesh(p, body.faces), camera, size, glyph)
+        for p, glyph in zip(shapes, glyphs, strict=True)
     ]
     save_sheet(picture, contact_sheet(drawn, 3, ["handles", "close to them", "exactly on them"]))
     return float(poses[0].residual.max())

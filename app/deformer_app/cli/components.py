@@ -20,7 +20,7 @@ from deformer_app.rendering.palette import HEAT
 from deformer_app.rendering.sheets import save_sheet
 
 TILE = (420, 420)  # pixels of a picture, with its bar
-BAR = 150  # pixels that the bar and, opposite, nothing take
+BAR = 150  # pixels left free for the bar, half of them on either side
 TURN = (240, 300)  # pixels of a turntable
 COLUMNS = 5
 FPS = 8
@@ -80,8 +80,8 @@ def heat_maps(
     One camera and one scale of colours for all; pictures are wider than BAR.
     """
     layers = _layers(analysis, found)
-    seen = np.stack([layer.mesh.vertices for layer in layers])
-    camera = aim(seen, up=up, aspect=(size[0] - BAR) / size[1])
+    shapes = np.stack([layer.mesh.vertices for layer in layers])
+    camera = aim(shapes, up=up, aspect=(size[0] - BAR) / size[1])
     for layer in layers:
         yield render(layer, camera, size)
 
@@ -148,7 +148,7 @@ def _key(index: int, label: str) -> str:
 
 def _layers(analysis: ComponentAnalysis, found: list[Component]) -> list[Layer]:
     heats = [analysis.activations.displacement(c.index) for c in found]
-    # A few vertices of one component shall not take the colours from all others.
+    # The scale leaves out a few vertices of one component, or all others would look alike.
     limit = max(float(np.quantile(np.stack(heats), 0.999)), 1e-9)
     return [
         Layer(

@@ -16,7 +16,7 @@ from deformer import Mesh, io
 from deformer_app import console
 from deformer_app.rendering.animation import save_animation
 from deformer_app.rendering.camera import aim, eased, upright_axes
-from deformer_app.rendering.offscreen import HandleMarks, contact_sheet, render, save_picture
+from deformer_app.rendering.offscreen import HandleGlyphs, contact_sheet, render, save_picture
 from deformer_app.viewer.session import NOISE
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class Drag:
     Args:
         names: of the handles.
         vertices: of the handles.
-        pinned: which of them hold still throughout.
+        pinned: which of them stay where they are throughout.
         moves: (handle, target) of every mouse move, in order.
     """
 
@@ -54,8 +54,15 @@ class Drag:
 
 
 @dataclass(frozen=True, eq=False)
-class Take:
-    """What the solver made of one mouse move: surface (V, 3), targets and residuals (H,)."""
+class Step:
+    """The pose after one move of the mouse.
+
+    Args:
+        vertices: (V, 3) of the surface.
+        targets: (H, 3) of the handles.
+        residual: (H,) distances from handle to target.
+        milliseconds: from the move to the pose.
+    """
 
     vertices: NDArray[np.float64]
     targets: NDArray[np.float64]
@@ -70,7 +77,7 @@ def record(reference: Mesh, up: str = "y") -> Drag:
     be known.
 
     Args:
-        reference: the figure, standing.
+        reference: the figure, upright.
         up: its up axis, see `upright_axes`.
     """
     axes = upright_axes(up)
@@ -113,22 +120,22 @@ def record(reference: Mesh, up: str = "y") -> Drag:
     )
 
 
-def replay(model: DeformationModel, drag: Drag, progress: Callable[[int], None]) -> list[Take]:
-    """Feed the drag to a solver as the mouse would; the first take is the pose before any move."""
-    # As the viewer has it: a hand pulls, and handles that hold still say where the body is.
+def replay(model: DeformationModel, drag: Drag, progress: Callable[[int], None]) -> list[Step]:
+    """Feed the drag to a solver as the mouse would; the first step is the pose before any move."""
+    # As in the viewer: a hand pulls, and the pinned handles fix the body in space.
     solver = deformer.HandleSolver(model, noise=NOISE, freedom=1.0)
     targets = model.reference.vertices[list(drag.vertices)].copy()
     started = perf_counter()
     solver.set_handles(list(drag.vertices), targets)
     pose = solver.solve()
-    takes = [_take(pose, targets, started)]
+    steps = [_step(pose, targets, started)]
     for handle, target in drag.moves:
         targets[handle] = target
         started = perf_counter()
         pose = solver.drag(drag.vertices[handle], target)
-        takes.append(_take(pose, targets, started))
-        progress(len(takes))
-    return takes
+        steps.append(_step(pose, targets, started))
+        progress(len(steps))
+    return steps
 
 
 def run(model_name: str, output: Path, progress: Callable[[int, int], None]) -> dict[str, Any]:
@@ -147,19 +154,19 @@ def run(model_name: str, output: Path, progress: Callable[[int, int], None]) -> 
     drag = record(model.reference, up)
     shown = range(0, len(drag.moves) + 1, FRAME_STRIDE)
     total = len(drag.moves) + 1 + len(shown)
-    takes = replay(model, drag, lambda done: progress(done, total))
+    steps = replay(model, drag, lambda done: progress(done, total))
 
     output.mkdir(parents=True, exist_ok=True)
     files = [output / name for name in ("pose.ply", "sheet.png", "drag.gif")]
-    io.save_mesh(files[0], Mesh(takes[-1].vertices, model.reference.faces))
-    save_picture(files[1], _sheet(model.reference, drag, takes, up))
-    camera = _camera(model.reference, takes, up, FRAME)
+    io.save_mesh(files[0], Mesh(steps[-1].vertices, model.reference.faces))
+    save_picture(files[1], _sheet(model.reference, drag, steps, up))
+    camera = _camera(model.reference, steps, up, FRAME)
     frames = []
     for index in shown:
-        frames.append(_picture(model.reference, drag, takes[index], camera, FRAME))
-        progress(len(takes) + len(frames), total)
+        frames.append(_picture(model.reference, drag, steps[index], camera, FRAME))
+        progress(len(steps) + len(frames), total)
     save_animation(files[2], [*frames, *[frames[-1]] * 10], FPS)
-    return {"model": model_name, **_summarize(model.reference, drag, takes, up), "files": files}
+    return {"model": model_name, **_summarize(model.reference, drag, steps, up), "files": files}
 
 
 def show(result: dict[str, Any]) -> None:
@@ -189,21 +196,21 @@ def show(result: dict[str, Any]) -> None:
         console.note(f"Wrote {file}")
 
 
-def _take(pose: Any, targets: NDArray[np.float64], started: float) -> Take:
+def _step(pose: Any, targets: NDArray[np.float64], started: float) -> Step:
     milliseconds = 1000 * (perf_counter() - started)
-    return Take(
+    return Step(
         np.array(pose.vertices), targets.copy(), np.array(pose.residual, dtype=float), milliseconds
     )
 
 
-def _summarize(reference: Mesh, drag: Drag, takes: list[Take], up: str) -> dict[str, Any]:
+def _summarize(reference: Mesh, drag: Drag, steps: list[Step], up: str) -> dict[str, Any]:
     height = float(np.ptp(reference.vertices @ upright_axes(up)[1]))
-    residual = np.stack([take.residual for take in takes])
+    residual = np.stack([step.residual for step in steps])
     moved = [handle for handle, _ in drag.moves]
-    times = [take.milliseconds for take in takes[1:]]
+    times = [step.milliseconds for step in steps[1:]]
     return {
         "vertices": len(reference.vertices),
-        "frames": len(takes),
+        "frames": len(steps),
         "height": height,
         "handles": [
             {
@@ -217,7 +224,7 @@ def _summarize(reference: Mesh, drag: Drag, takes: list[Take], up: str) -> dict[
             for index, name in enumerate(drag.names)
         ],
         "milliseconds": {
-            "first": takes[0].milliseconds,
+            "first": steps[0].milliseconds,
             "median": float(np.median(times)),
             "p95": float(np.percentile(times, 95)),
             "largest": max(times),
@@ -225,28 +232,28 @@ def _summarize(reference: Mesh, drag: Drag, takes: list[Take], up: str) -> dict[
     }
 
 
-def _camera(reference: Mesh, takes: list[Take], up: str, size: tuple[int, int]) -> Any:
+def _camera(reference: Mesh, steps: list[Step], up: str, size: tuple[int, int]) -> Any:
     """One camera that keeps the figure in view throughout."""
-    seen = np.stack([reference.vertices, *[take.vertices for take in takes[::FRAME_STRIDE]]])
-    return aim(seen, up=up, aspect=size[0] / size[1])
+    shapes = np.stack([reference.vertices, *[step.vertices for step in steps[::FRAME_STRIDE]]])
+    return aim(shapes, up=up, aspect=size[0] / size[1])
 
 
-def _picture(reference: Mesh, drag: Drag, take: Take, camera: Any, size: tuple[int, int]) -> Any:
-    marks = HandleMarks(take.vertices[list(drag.vertices)], take.targets, drag.pinned)
-    return render(Mesh(take.vertices, reference.faces), camera, size, marks)
+def _picture(reference: Mesh, drag: Drag, step: Step, camera: Any, size: tuple[int, int]) -> Any:
+    glyphs = HandleGlyphs(step.vertices[list(drag.vertices)], step.targets, drag.pinned)
+    return render(Mesh(step.vertices, reference.faces), camera, size, glyphs)
 
 
-def _sheet(reference: Mesh, drag: Drag, takes: list[Take], up: str) -> Any:
+def _sheet(reference: Mesh, drag: Drag, steps: list[Step], up: str) -> Any:
     """Reference, handles, and poses along the drag."""
-    camera = _camera(reference, takes, up, TILE)
-    raised = min(REACH_STEPS, len(takes) - 1)
+    camera = _camera(reference, steps, up, TILE)
+    raised = min(REACH_STEPS, len(steps) - 1)
     chosen = {
         "Handles": 0,
         "Wrist halfway": raised // 2,
         "Wrist raised": raised,
-        "Head halfway": (raised + len(takes) - 1) // 2,
-        "Head down": len(takes) - 1,
+        "Head halfway": (raised + len(steps) - 1) // 2,
+        "Head down": len(steps) - 1,
     }
     pictures = [render(reference, camera, TILE)]
-    pictures += [_picture(reference, drag, takes[i], camera, TILE) for i in chosen.values()]
+    pictures += [_picture(reference, drag, steps[i], camera, TILE) for i in chosen.values()]
     return contact_sheet(pictures, 3, ["Reference", *chosen])

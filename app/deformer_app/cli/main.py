@@ -321,9 +321,9 @@ def edit(
     when the window is closed.
     """
     from deformer import InputError
-    from deformer_app.viewer.editor import opening
+    from deformer_app.viewer.model_files import first_model
 
-    first, saved = opening(model, session)
+    first, saved = first_model(model, session)
     if plain:
         from deformer_app.viewer.plain import PlainWindow
 

@@ -66,7 +66,7 @@ def name(
         list[str],
         typer.Argument(
             metavar="K=NAME...",
-            help="Component and its name; nothing after = takes a name away.",
+            help="Component and its name; nothing after = removes the name.",
             show_default=False,
         ),
     ],
@@ -115,7 +115,7 @@ def synthesize(
     sweep: Annotated[
         list[str] | None,
         typer.Option(
-            help="Component=first:last:count; each one given is a row, --weights hold for all."
+            help="Component=first:last:count; each one given is a row, --weights apply to all."
         ),
     ] = None,
     random: Annotated[

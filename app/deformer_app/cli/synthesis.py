@@ -258,7 +258,7 @@ def _sweeps(
     """A row for every sweep and way: an NPZ and a GIF each, one sheet."""
     rows: dict[str, NDArray] = {}
     titles: dict[str, list[str]] = {}
-    held = {model.component(key): weight for key, weight in weights.items()}
+    fixed = {model.component(key): weight for key, weight in weights.items()}
     for text in request.sweeps:
         component, values = _sweep(text)
         k = model.component(component)
@@ -266,9 +266,9 @@ def _sweeps(
             row = model.label(k) if len(ways) == 1 else f"{model.label(k)}, {way}"
             titles[row] = [f"{row}: {w:g}" for w in values]
             if goal is model:
-                rows[row] = synthesis.sweep(k, values, held, way)
+                rows[row] = synthesis.sweep(k, values, fixed, way)
             else:
-                codes = [synthesis.code({**held, k: float(w)}) for w in values]
+                codes = [synthesis.code({**fixed, k: float(w)}) for w in values]
                 rows[row] = np.stack([_decoded(model, goal, z) for z in codes])
     output, faces = request.output, goal.reference.faces
     output.mkdir(parents=True, exist_ok=True)

@@ -38,13 +38,13 @@ class Camera:
     view_angle: float = 25.0
 
     def axes(self) -> NDArray[np.float64]:
-        """Unit rows (3, 3): right, up and backward (from the focal point towards the eye)."""
+        """Return unit rows (3, 3): right, up, and backward (from the focal point to the eye)."""
         backward = _unit(np.subtract(self.position, self.focal))
         right = _unit(np.cross(self.up, backward))
         return np.stack([right, np.cross(backward, right), backward])
 
     def project(self, points: ArrayLike, size: tuple[int, int]) -> NDArray[np.float64]:
-        """Pixels (N, 2) of `points` (N, 3) in an image of `size` (width, height).
+        """Return the pixels (N, 2) of `points` (N, 3) in an image of `size` (width, height).
 
         The origin is the top left corner of the image, x to the right and y downwards.
         """
@@ -55,11 +55,11 @@ class Camera:
         return np.stack([width / 2 + xy[:, 0], height / 2 - xy[:, 1]], axis=1)
 
     def depths(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Distances (N,) of `points` (N, 3) from the eye along the view; negative is behind it."""
+        """Return the depths (N,) of `points` (N, 3): along the view, negative behind the eye."""
         return (np.asarray(points, dtype=np.float64) - self.position) @ -self.axes()[2]
 
     def ray(self, pixel: ArrayLike, size: tuple[int, int]) -> Ray:
-        """The line of sight through a pixel (2,) of an image of `size` (width, height)."""
+        """Return the line of sight through a pixel (2,) of an image of `size` (width, height)."""
         width, height = size
         x, y = np.asarray(pixel, dtype=np.float64)
         tangent = 2 * np.tan(np.radians(self.view_angle) / 2) / height
@@ -70,18 +70,18 @@ class Camera:
     def unproject(
         self, pixel: ArrayLike, depth: float, size: tuple[int, int]
     ) -> NDArray[np.float64]:
-        """The point (3,) that is seen at a pixel (2,), `depth` from the eye along the view."""
+        """Return the point (3,) at a pixel (2,) that is `depth` from the eye along the view."""
         ray = self.ray(pixel, size)
         # A ray's direction reaches depth 1.
         return ray.origin + depth * ray.direction
 
     def pixel_size(self, point: ArrayLike, size: tuple[int, int]) -> float:
-        """Length that one pixel spans at the depth of `point` (3,)."""
+        """Return the length that one pixel spans at the depth of `point` (3,)."""
         depth = max(float(self.depths(np.reshape(point, (1, 3)))[0]), 1e-9)
         return depth * 2 * float(np.tan(np.radians(self.view_angle) / 2)) / size[1]
 
     def orbited(self, right: float, down: float, sky: ArrayLike) -> Camera:
-        """The camera turned about its focal point as on a turntable.
+        """Return the camera turned about its focal point as on a turntable.
 
         Args:
             right: degrees that the scene turns to the right about `sky`.
@@ -107,7 +107,7 @@ class Camera:
         return replace(self, position=_vector(eye), up=_vector(up))
 
     def panned(self, right: float, down: float, size: tuple[int, int]) -> Camera:
-        """The camera moved in its plane so that the focal point goes by so many pixels."""
+        """Return the camera moved in its plane so that the focal point goes by so many pixels."""
         axes, step = self.axes(), self.pixel_size(self.focal, size)
         shift = step * (-right * axes[0] + down * axes[1])
         return replace(
@@ -117,7 +117,7 @@ class Camera:
         )
 
     def zoomed(self, factor: float, pixel: ArrayLike, size: tuple[int, int]) -> Camera:
-        """The camera nearer by `factor` (above 1 is nearer); what is at the pixel stays there."""
+        """Return the camera nearer by `factor`, below 1 farther; the pixel shows the same point."""
         distance = np.sqrt((np.subtract(self.position, self.focal) ** 2).sum())
         anchor = self.unproject(pixel, float(distance), size)
         return replace(
@@ -128,12 +128,12 @@ class Camera:
 
 
 def eased(count: int) -> NDArray[np.float64]:
-    """Shares (count,) of a way that is gone slowly, fast, slowly: above 0, up to 1."""
+    """Return shares (count,) of a path that is slow, fast, slow: from above 0 to 1, a cosine."""
     return 0.5 - 0.5 * np.cos(np.pi * np.arange(1, count + 1) / count)
 
 
 def turntable(camera: Camera, count: int, sky: ArrayLike) -> list[Camera]:
-    """Cameras of a full turn about the focal point in `count` equal steps, `camera` first.
+    """Return the cameras of a full turn about the focal point, in equal steps, `camera` first.
 
     Args:
         camera: where the turn begins.
@@ -151,7 +151,7 @@ class Ray:
     direction: NDArray[np.float64]
 
     def along(self, point: ArrayLike, axis: ArrayLike) -> float | None:
-        """Where on the line through `point` along unit `axis` the ray comes closest.
+        """Find where on the line through `point` along unit `axis` the ray comes closest.
 
         Returns:
             The signed distance from `point`; None where the two are all but parallel.
@@ -164,7 +164,7 @@ class Ray:
         return float((gap @ a - (gap @ d) * (a @ d)) / across)
 
     def on_plane(self, point: ArrayLike, normal: ArrayLike) -> NDArray[np.float64] | None:
-        """Where the ray meets a plane; None where it grazes it or leads away."""
+        """Return where the ray crosses a plane, (3,); None where it grazes it or leads away."""
         n, d = np.asarray(normal, dtype=np.float64), _unit(self.direction)
         slope = float(n @ d)
         if abs(slope) < 1e-3:
@@ -174,7 +174,7 @@ class Ray:
 
 
 def upright_axes(up: str = "y") -> NDArray[np.float64]:
-    """Unit rows (3, 3) of a shape that stands along `up`: its left, its up and its front.
+    """Return unit rows (3, 3) of a shape that is upright along `up`: its left, up and front.
 
     Args:
         up: "x", "y" or "z", with a minus in front if the axis points down.
@@ -199,7 +199,7 @@ def aim(
     aspect: float = 1.0,
     margin: float = 0.08,
 ) -> Camera:
-    """Camera that sees all of `vertices` as large as the image allows.
+    """Return a camera that sees all of `vertices` as large as the image allows.
 
     Args:
         vertices: (..., 3) points to keep in view; several shapes may be stacked.

@@ -67,13 +67,13 @@ class Layer:
 
 
 @dataclass(frozen=True, eq=False)
-class HandleMarks:
+class HandleGlyphs:
     """Handles of a picture: a ball on the surface, a second ball and a line where it should be.
 
     Args:
         positions: (H, 3) where the handle vertices are.
         targets: (H, 3) where the user wants them; drawn where that is visibly elsewhere.
-        pinned: (H,) true for handles that hold still, drawn in a quieter colour.
+        pinned: (H,) true for handles that stay where they are, drawn in a quieter colour.
         radius: of a ball, in the data's units; by default a share of the picture's shapes.
     """
 
@@ -87,7 +87,7 @@ def render(
     layers: Mesh | Layer | Sequence[Mesh | Layer],
     camera: Camera,
     size: tuple[int, int] = (800, 800),
-    handles: HandleMarks | None = None,
+    handles: HandleGlyphs | None = None,
     background: str = BACKGROUND,
 ) -> Picture:
     """Draw meshes and handles.
@@ -96,7 +96,7 @@ def render(
         layers: one mesh or several, drawn in the same space.
         camera: see `camera.aim`; keep one camera for the frames of an animation.
         size: width and height in pixels.
-        handles: marks to draw with them.
+        handles: balls and lines to draw with them.
         background: a flat colour.
 
     Raises:
@@ -251,7 +251,7 @@ def _limits(layer: Layer) -> tuple[float, float]:
     return float(values.min()), float(values.max())
 
 
-def _add_handles(plotter: pv.Plotter, handles: HandleMarks, diagonal: float) -> None:
+def _add_handles(plotter: pv.Plotter, handles: HandleGlyphs, diagonal: float) -> None:
     positions = np.asarray(handles.positions, dtype=np.float64).reshape(-1, 3)
     pinned = np.zeros(len(positions), bool) if handles.pinned is None else np.array(handles.pinned)
     radius = handles.radius if handles.radius is not None else 0.013 * diagonal

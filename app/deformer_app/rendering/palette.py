@@ -22,12 +22,12 @@ SELECTED, HOVERED, REGION = "#ffd43b", "#ffa94d", "#f2a65a"
 AXES = {"x": "#e03131", "y": "#2f9e44", "z": "#1c7ed6"}
 
 # Colour maps, by matplotlib's names.
-SCALARS = "viridis"  # values of any kind, with a bar that tells them
+SCALARS = "viridis"  # values of any kind, with a bar that gives their scale
 HEAT = "YlOrRd"  # amounts from zero: what has none is light, and its shading shows
 DIVERGING = "coolwarm"  # signed values about zero
 
 GOOD, FAIR, BAD = "#2f9e44", "#f08c00", "#e03131"  # of a measure with a scale
-# Lines of text that lie upon or beside the picture of the window.
+# Lines of text upon or below the picture of the window.
 NOTICE = {"mistake": "#fff3bf", "tour": "#d0ebff", "recording": "#ffe3e3", "waiting": "#e9ecef"}
 NOTICE_INK = "#212529"
 

@@ -1,4 +1,4 @@
-"""Everything that has a menu entry or a key, in one table that all shells read."""
+"""Everything that has a menu entry or a key: one table that all shells read."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Any, Protocol
 
 from deformer_app.viewer.colouring import COLOURINGS
 from deformer_app.viewer.editor import Editor
+from deformer_app.viewer.exports import export_handles, export_pose, save_screenshot
+from deformer_app.viewer.mirror_plane import AXES
 
 MENUS = ("File", "Edit", "Handles", "View", "Help")
 MESH_FILES = "Meshes (*.ply *.obj *.stl *.glb *.off)"
@@ -18,6 +20,11 @@ class Shell(Protocol):
     """What an action needs of the window around an editor."""
 
     editor: Editor
+
+    @property
+    def recording(self) -> bool:
+        """True while the picture is being recorded."""
+        ...
 
     def ask_open(self, title: str, files: str) -> Path | None:
         """Ask for a file to read."""
@@ -32,7 +39,7 @@ class Shell(Protocol):
         ...
 
     def save(self, elsewhere: bool) -> bool:
-        """Save the session; false if the user thought better of it."""
+        """Save the session; return False if the user has changed their mind."""
         ...
 
     def open_model(self, path: Path | str) -> None:
@@ -43,7 +50,7 @@ class Shell(Protocol):
         """Open a session, unless the user wants to keep unsaved work."""
         ...
 
-    def train(self) -> None:
+    def train(self) -> Any:
         """Train a model on shapes that the user chooses."""
         ...
 
@@ -59,7 +66,7 @@ class Shell(Protocol):
         """Show or hide the help."""
         ...
 
-    def tour(self) -> None:
+    def begin_tour(self) -> None:
         """Begin the tour."""
         ...
 
@@ -68,195 +75,207 @@ class Shell(Protocol):
         ...
 
 
+def _always(editor: Editor) -> bool:
+    return True
+
+
+def _with_model(editor: Editor) -> bool:
+    return editor.is_open
+
+
 @dataclass(frozen=True)
 class Action:
     """One command.
 
     Args:
+        id: what the program calls it; never shown.
         menu: where it is listed.
         title: what it is called there.
         run: what it does.
         key: its shortcut, as Qt writes them ("Ctrl+Shift+Z").
         about: a line for the status bar and the help.
-        checked: whether it is on, for what can be on or off.
-        dialog: whether it asks for a file, which a plain window cannot.
-        rule: whether the menu has a line above it.
+        enabled: tells whether it can be run now.
+        checked: tells whether it is on, for what can be on or off.
+        retitled: gives another title while it would do something else, or None.
+        dialog: true if it asks for a file, which a plain window cannot.
+        rule: true if the menu has a line above it.
+        tool: what its button in the tool bar says; nothing if it has none.
     """
 
+    id: str
     menu: str
     title: str
     run: Callable[[Shell], Any]
     key: str = ""
     about: str = ""
+    enabled: Callable[[Editor], bool] = _with_model
     checked: Callable[[Editor], bool] | None = None
+    retitled: Callable[[Shell], str | None] = lambda shell: None
     dialog: bool = False
     rule: bool = False
+    tool: str = ""
 
 
-def _with(path: Path | None, use: Callable[[Path], Any]) -> None:
+def _unless_cancelled(path: Path | None, use: Callable[[Path], Any]) -> None:
     if path is not None:
         use(path)
 
 
 def _open_model(shell: Shell) -> None:
-    _with(shell.ask_folder("Open model"), shell.open_model)
+    _unless_cancelled(shell.ask_folder("Open model"), shell.open_model)
 
 
 def _open_session(shell: Shell) -> None:
-    _with(shell.ask_open("Open session", "Sessions (*.json)"), shell.open_session)
+    _unless_cancelled(shell.ask_open("Open session", "Sessions (*.json)"), shell.open_session)
 
 
 def _export_pose(shell: Shell) -> None:
-    _with(shell.ask_save("Export pose", "pose.ply", MESH_FILES), shell.editor.export_pose)
+    _unless_cancelled(
+        shell.ask_save("Export pose", "pose.ply", MESH_FILES),
+        lambda path: export_pose(shell.editor, path),
+    )
 
 
 def _export_handles(shell: Shell) -> None:
     path = shell.ask_save("Export handles", "handles.json", "Handles (*.json)")
-    _with(path, shell.editor.export_handles)
+    _unless_cancelled(path, lambda path: export_handles(shell.editor, path))
 
 
 def _load_target(shell: Shell) -> None:
-    _with(shell.ask_open("Load target mesh", MESH_FILES), shell.editor.load_target)
+    _unless_cancelled(shell.ask_open("Load target mesh", MESH_FILES), shell.editor.load_target)
 
 
 def _start_from_mesh(shell: Shell) -> None:
-    _with(shell.ask_open("Start from mesh", MESH_FILES), shell.editor.start_from_mesh)
+    _unless_cancelled(shell.ask_open("Start from mesh", MESH_FILES), shell.editor.start_from_mesh)
 
 
 def _screenshot(shell: Shell) -> None:
     path = shell.ask_save("Screenshot", "deformer.png", "Pictures (*.png *.jpg)")
-    _with(path, shell.editor.screenshot)
+    _unless_cancelled(path, lambda path: save_screenshot(shell.editor, path))
 
 
 def _next_colour(shell: Shell) -> None:
     editor = shell.editor
     names = [name for name in COLOURINGS if name != "component"]
-    if editor.target is None:
+    if editor.state.target_mesh is None:
         names.remove("error")
-    kind = editor.look.colour
-    place = names.index(kind) if kind in names else -1
-    editor.change_look(colour=names[(place + 1) % len(names)])
+    kind = editor.state.look.colour
+    current = names.index(kind) if kind in names else -1
+    editor.change_look(colour=names[(current + 1) % len(names)])
 
 
 def _next_ghost(shell: Shell) -> None:
     editor = shell.editor
-    names = ["none", "reference", *(["target"] if editor.target is not None else [])]
-    place = names.index(editor.look.ghost)
-    editor.change_look(ghost=names[(place + 1) % len(names)])
+    has_target = editor.state.target_mesh is not None
+    names = ["none", "reference", *(["target"] if has_target else [])]
+    current = names.index(editor.state.look.ghost)
+    editor.change_look(ghost=names[(current + 1) % len(names)])
 
 
-def _looks(name: str) -> Callable[[Shell], Any]:
-    def turn_over(shell: Shell) -> None:
-        shell.editor.change_look(**{name: not getattr(shell.editor.look, name)})
+def _turn_over(name: str) -> Callable[[Shell], Any]:
+    """Switch a part of the look on or off."""
 
-    return turn_over
+    def run(shell: Shell) -> None:
+        shell.editor.change_look(**{name: not getattr(shell.editor.state.look, name)})
+
+    return run
 
 
 def _paint(shell: Shell) -> None:
-    editor = shell.editor
-    editor.set_mode("drag" if editor.mode == "paint" else "paint")
-
-
-def _select_all(shell: Shell) -> None:
-    shell.editor.select([handle.id for handle in shell.editor.edit.handles])
+    state = shell.editor.state
+    state.set_tool("drag" if state.tool == "paint" else "paint")
 
 
 ACTIONS: Sequence[Action] = (
-    Action("File", "Open model…", _open_model, "Ctrl+O", "A model's folder", dialog=True),
-    Action("File", "Train on shapes…", lambda s: s.train(), "Ctrl+T",
-           "Learn a model from example shapes", dialog=True),
-    Action("File", "Open session…", _open_session, "Ctrl+Shift+O", dialog=True),
-    Action("File", "Save session", lambda s: s.save(False), "Ctrl+S",
+    Action("open-model", "File", "Open model…", _open_model, "Ctrl+O", "A model's folder",
+           dialog=True, enabled=_always),
+    Action("train", "File", "Train on shapes…", lambda s: s.train(), "Ctrl+T",
+           "Learn a model from example shapes", dialog=True, enabled=_always),
+    Action("open-session", "File", "Open session…", _open_session, "Ctrl+Shift+O", dialog=True,
+           enabled=_always),
+    Action("save", "File", "Save session", lambda s: s.save(False), "Ctrl+S",
            "Handles, sliders, camera and the whole history in one file", rule=True),
-    Action("File", "Save session as…", lambda s: s.save(True), "Ctrl+Shift+S", dialog=True),
-    Action("File", "Load target mesh…", _load_target, "",
+    Action("save-as", "File", "Save session as…", lambda s: s.save(True), "Ctrl+Shift+S",
+           dialog=True),
+    Action("load-target", "File", "Load target mesh…", _load_target, "",
            "A mesh to compare with: ghost, error colours, E_rms", dialog=True, rule=True),
-    Action("File", "Export pose…", _export_pose, "Ctrl+E", "PLY, OBJ, STL or GLB", dialog=True),
-    Action("File", "Export handles…", _export_handles, "",
+    Action("export-pose", "File", "Export pose…", _export_pose, "Ctrl+E", "PLY, OBJ, STL or GLB",
+           dialog=True),
+    Action("export-handles", "File", "Export handles…", _export_handles, "",
            "Targets as deformer fit reads them", dialog=True),
-    Action("File", "Screenshot…", _screenshot, "F12", dialog=True, rule=True),
-    Action("File", "Turntable…", lambda s: s.turntable(), "",
+    Action("screenshot", "File", "Screenshot…", _screenshot, "F12", dialog=True, rule=True),
+    Action("turntable", "File", "Turntable…", lambda s: s.turntable(), "",
            "A full turn as GIF or MP4", dialog=True),
-    Action("File", "Record", lambda s: s.record(), "Ctrl+R",
-           "Record what happens as GIF or MP4; again to stop", dialog=True),
-    Action("File", "Quit", lambda s: s.close(), "Ctrl+Q", rule=True),
-    Action("Edit", "Undo", lambda s: s.editor.undo(), "Ctrl+Z"),
-    Action("Edit", "Redo", lambda s: s.editor.redo(), "Ctrl+Shift+Z"),
-    Action("Edit", "Select all handles", _select_all, "Ctrl+A", rule=True),
-    Action("Edit", "Delete handles", lambda s: s.editor.delete(), "Del", "The selected ones"),
-    Action("Edit", "Clear handles", lambda s: s.editor.clear(), "Ctrl+Del"),
-    Action("Edit", "Reset to reference", lambda s: s.editor.reset(), "Ctrl+0",
-           "The undeformed shape, without handles", rule=True),
-    Action("Edit", "Start from this pose", lambda s: s.editor.use_as_base(), "Ctrl+B",
-           "From now on the prior leans on what is shown"),
-    Action("Edit", "Start from mesh…", _start_from_mesh, "",
-           "The pose closest to a mesh of the same connectivity", dialog=True),
-    Action("Handles", "Soft", lambda s: s.editor.set_kind("soft"), "S",
-           "Close to its target; the examples have a say"),
-    Action("Handles", "Exact", lambda s: s.editor.set_kind("exact"), "E", "On its target"),
-    Action("Handles", "Pin", lambda s: s.editor.set_kind("pin"), "P",
-           "Stays where it is, whatever is dragged"),
-    Action("Handles", "Mirror", lambda s: s.editor.mirror(), "M",
-           "Copy the selected handles, or all, to the body's other side", rule=True),
-    Action("Handles", "Mirror plane: find", lambda s: s.editor.find_symmetry(), "",
-           "Look for the plane across which the body is its own image"),
-    *(Action("Handles", f"Mirror plane: across {axis}",
-             lambda s, a=axis: s.editor.tell_symmetry(a)) for axis in "xyz"),
-    Action("Handles", "Paint region", _paint, "B",
-           "Paint a patch that moves and turns as one handle",
-           checked=lambda e: e.mode == "paint", rule=True),
-    Action("Handles", "Smaller brush", lambda s: s.editor.resize_brush(0.8), "["),
-    Action("Handles", "Larger brush", lambda s: s.editor.resize_brush(1.25), "]"),
-    Action("Handles", "Suggest next handle", lambda s: s.editor.suggest(), "N",
-           "Where one more handle would tell most; again to place it", rule=True),
-    Action("Handles", "Manipulator: move", lambda s: s.editor.set_gizmo("move"), "1",
-           "Along axes and in planes", rule=True, checked=lambda e: e.gizmo_mode == "move"),
-    Action("Handles", "Manipulator: rotate", lambda s: s.editor.set_gizmo("rotate"), "2",
-           "Several handles or a region, about their centre",
-           checked=lambda e: e.gizmo_mode == "rotate"),
-    Action("Handles", "Manipulator: scale", lambda s: s.editor.set_gizmo("scale"), "3",
-           "Several handles or a region, about their centre",
-           checked=lambda e: e.gizmo_mode == "scale"),
-    Action("View", "Frame all", lambda s: s.editor.frame(), "F"),
-    Action("View", "Front", lambda s: s.editor.frame(0, 0), "Ctrl+1", rule=True),
-    Action("View", "Left side", lambda s: s.editor.frame(90, 0), "Ctrl+2"),
-    Action("View", "Back", lambda s: s.editor.frame(180, 0), "Ctrl+3"),
-    Action("View", "Right side", lambda s: s.editor.frame(-90, 0), "Ctrl+4"),
-    Action("View", "Top", lambda s: s.editor.frame(0, 89), "Ctrl+5"),
-    Action("View", "Next colouring", _next_colour, "C",
-           "Displacement, stretch, error, where to put the next handle", rule=True),
-    Action("View", "Next ghost", _next_ghost, "G", "The reference or the target mesh behind"),
-    Action("View", "Wireframe", _looks("wireframe"), "W", checked=lambda e: e.look.wireframe,
+    Action("record", "File", "Record", lambda s: s.record(), "Ctrl+R",
+           "Record what happens as GIF or MP4; again to stop", dialog=True,
+           retitled=lambda s: "Stop recording" if s.recording else None),
+    Action("quit", "File", "Quit", lambda s: s.close(), "Ctrl+Q", rule=True, enabled=_always),
+    Action("undo", "Edit", "Undo", lambda s: s.editor.undo(), "Ctrl+Z", tool="Undo",
+           enabled=lambda e: e.is_open and e.session.can_undo),
+    Action("redo", "Edit", "Redo", lambda s: s.editor.redo(), "Ctrl+Shift+Z", tool="Redo",
+           enabled=lambda e: e.is_open and e.session.can_redo),
+    Action("select-all", "Edit", "Select all handles", lambda s: s.editor.select_all(), "Ctrl+A",
            rule=True),
-    Action("View", "Smooth shading", _looks("smooth"), "L", checked=lambda e: e.look.smooth),
-    Action("View", "Dark", _looks("dark"), "D", checked=lambda e: e.look.dark),
-    Action("Help", "Keys and mouse", lambda s: s.help(), "F1"),
-    Action("Help", "Tour", lambda s: s.tour(), ""),
+    Action("delete", "Edit", "Delete handles", lambda s: s.editor.delete(), "Del",
+           "The selected ones"),
+    Action("clear", "Edit", "Clear handles", lambda s: s.editor.clear(), "Ctrl+Del"),
+    Action("reset", "Edit", "Reset to reference", lambda s: s.editor.reset(), "Ctrl+0",
+           "The undeformed shape, without handles", rule=True),
+    Action("use-as-base", "Edit", "Start from this pose", lambda s: s.editor.use_as_base(),
+           "Ctrl+B", "From now on the prior keeps close to what is shown"),
+    Action("start-from-mesh", "Edit", "Start from mesh…", _start_from_mesh, "",
+           "The pose closest to a mesh of the same connectivity", dialog=True),
+    Action("soft", "Handles", "Soft", lambda s: s.editor.set_kind("soft"), "S",
+           "Close to its target; the examples have a say"),
+    Action("exact", "Handles", "Exact", lambda s: s.editor.set_kind("exact"), "E",
+           "On its target"),
+    Action("pin", "Handles", "Pin", lambda s: s.editor.set_kind("pin"), "P",
+           "Stays where it is, whatever is dragged"),
+    Action("mirror", "Handles", "Mirror", lambda s: s.editor.mirror(), "M",
+           "Copy the selected handles, or all, to the body's other side", rule=True,
+           tool="Mirror"),
+    Action("find-plane", "Handles", "Mirror plane: find", lambda s: s.editor.plane.find(), "",
+           "Look for the plane across which the body is its own image"),
+    *(
+        Action(f"plane-across-{axis}", "Handles", f"Mirror plane: across {axis}",
+               lambda s, a=axis: s.editor.plane.set_across(a))
+        for axis in AXES
+    ),
+    Action("paint", "Handles", "Paint region", _paint, "B",
+           "Paint a patch that moves and turns as one handle",
+           checked=lambda e: e.state.tool == "paint", rule=True, tool="Paint region"),
+    Action("smaller-brush", "Handles", "Smaller brush", lambda s: s.editor.stage.brush.resize(0.8),
+           "["),
+    Action("larger-brush", "Handles", "Larger brush", lambda s: s.editor.stage.brush.resize(1.25),
+           "]"),
+    Action("suggest", "Handles", "Suggest next handle", lambda s: s.editor.suggest(), "N",
+           "Where one more handle would tell most; again to place it", rule=True, tool="Suggest"),
+    Action("gizmo-move", "Handles", "Manipulator: move",
+           lambda s: s.editor.state.set_gizmo("move"), "1", "Along axes and in planes", rule=True,
+           checked=lambda e: e.state.gizmo_mode == "move", tool="Move"),
+    Action("gizmo-rotate", "Handles", "Manipulator: rotate",
+           lambda s: s.editor.state.set_gizmo("rotate"), "2",
+           "Several handles or a region, about their centre",
+           checked=lambda e: e.state.gizmo_mode == "rotate", tool="Rotate"),
+    Action("gizmo-scale", "Handles", "Manipulator: scale",
+           lambda s: s.editor.state.set_gizmo("scale"), "3",
+           "Several handles or a region, about their centre",
+           checked=lambda e: e.state.gizmo_mode == "scale", tool="Scale"),
+    Action("frame", "View", "Frame all", lambda s: s.editor.frame(), "F", tool="Frame all"),
+    Action("front", "View", "Front", lambda s: s.editor.frame(0, 0), "Ctrl+1", rule=True),
+    Action("left", "View", "Left side", lambda s: s.editor.frame(90, 0), "Ctrl+2"),
+    Action("back", "View", "Back", lambda s: s.editor.frame(180, 0), "Ctrl+3"),
+    Action("right", "View", "Right side", lambda s: s.editor.frame(-90, 0), "Ctrl+4"),
+    Action("top", "View", "Top", lambda s: s.editor.frame(0, 89), "Ctrl+5"),
+    Action("next-colouring", "View", "Next colouring", _next_colour, "C",
+           "Displacement, stretch, error, where to put the next handle", rule=True),
+    Action("next-ghost", "View", "Next ghost", _next_ghost, "G",
+           "The reference or the target mesh behind"),
+    Action("wireframe", "View", "Wireframe", _turn_over("wireframe"), "W",
+           checked=lambda e: e.state.look.wireframe, rule=True),
+    Action("smooth", "View", "Smooth shading", _turn_over("smooth"), "L",
+           checked=lambda e: e.state.look.smooth),
+    Action("dark", "View", "Dark", _turn_over("dark"), "D", checked=lambda e: e.state.look.dark),
+    Action("help", "Help", "Keys and mouse", lambda s: s.help(), "F1", enabled=_always),
+    Action("tour", "Help", "Tour", lambda s: s.begin_tour(), "", enabled=_always),
 )  # fmt: skip
-
-MOUSE = (
-    ("Click the surface", "place a handle"),
-    ("Drag the surface or a handle", "pull it"),
-    ("Shift while dragging", "a tenth of the way"),
-    ("Shift-click", "select one more"),
-    ("Ctrl-drag", "select by a box"),
-    ("Drag beside the body, or right button", "orbit"),
-    ("Middle button, or Shift and right", "pan"),
-    ("Wheel", "zoom to the cursor"),
-    ("Esc", "give up a drag"),
-)
-
-
-def help_groups() -> dict[str, list[tuple[str, str]]]:
-    """All keys and what the mouse does, by menu: what to press and what comes of it."""
-    groups = {"Mouse": list(MOUSE)}
-    for menu in MENUS:
-        groups[menu] = [(a.key, a.title.rstrip("…")) for a in ACTIONS if a.key and a.menu == menu]
-    return groups
-
-
-def help_text() -> str:
-    """All keys and what the mouse does, as lines."""
-    rows = [row for group in help_groups().values() for row in group]
-    width = max(len(name) for name, _ in rows)
-    return "\n".join(f"{name:<{width}}  {what}" for name, what in rows)

@@ -32,7 +32,7 @@ class Paint:
         on: which of the two.
         title: caption, with the unit.
         limits: values at the ends of the scale.
-        diverging: whether the middle of the scale means "nothing".
+        diverging: true where the middle of the scale means zero.
     """
 
     values: NDArray[np.float64]
@@ -45,7 +45,7 @@ class Paint:
 def component_paint(
     model: DeformationModel, activations: deformer.Activations, number: int
 ) -> Paint:
-    """Colours of where a component acts."""
+    """Return the colours of where a component acts."""
     return Paint(activations.support(number), "vertices", model.label(number), (0.0, 1.0))
 
 
@@ -53,7 +53,7 @@ class Colouring:
     """Colours of poses of one model, by name; "component:3" is the support of component 3."""
 
     def __init__(self, model: DeformationModel) -> None:
-        """Prepare nothing yet: each kind is prepared when it is first asked for."""
+        """Prepare nothing yet: each kind is prepared at its first use."""
         self._model = model
 
     @cached_property
@@ -67,7 +67,7 @@ class Colouring:
         target: NDArray[np.float64] | None = None,
         activations: deformer.Activations | None = None,
     ) -> Paint | None:
-        """Colours of a pose, or None where `name` has none for it (yet).
+        """Return the colours of a pose, or None where `name` has none for it (yet).
 
         Args:
             name: see `COLOURINGS`.
@@ -93,6 +93,6 @@ class Colouring:
         return None
 
     def of_uncertainty(self, found: Uncertainty) -> Paint:
-        """Colours of what another handle would tell."""
+        """Return the colours of how much another handle would reduce the uncertainty."""
         percent = 100.0 * found.gain
         return Paint(percent, "vertices", "% uncertainty", (0.0, max(float(percent.max()), 1.0)))

@@ -1,4 +1,4 @@
-"""What a user can do with the model on the desk: place and move handles, slide, mirror, compare.
+"""What a user can do with a model: place and move handles, slide components, mirror, compare.
 
 A shell (a plain window, the Qt window, a test) feeds events to `controller`, calls `tick` when
 there is time, and listens to `on_change`.
@@ -6,50 +6,96 @@ there is time, and listens to `on_change`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import deformer
-from deformer import InputError, Mesh, io, spread
-from deformer_app.rendering.offscreen import save_picture
+from deformer import Activations, DeformationModel
+from deformer_app.viewer import edits
+from deformer_app.viewer.changes import (
+    Change,
+    HandlesChanged,
+    HandlesDragged,
+    HistoryChanged,
+    MistakeMade,
+    ModelOpened,
+    NoticeGiven,
+)
 from deformer_app.viewer.colouring import component_paint
-from deformer_app.viewer.controller import Controller, Hover, Pixel
-from deformer_app.viewer.gizmo import Mode, Motion
+from deformer_app.viewer.controller import Controller
+from deformer_app.viewer.gizmo import Motion
+from deformer_app.viewer.mirror_plane import MirrorPlane
+from deformer_app.viewer.model_files import start_codes, stored_name
+from deformer_app.viewer.mouse_stage import MouseStage
+from deformer_app.viewer.pose_display import PoseDisplay
+from deformer_app.viewer.pose_worker import Answer
 from deformer_app.viewer.scene import MeshView
-from deformer_app.viewer.session import Body, Edit, Handle, Kind, Session, point
-from deformer_app.viewer.view_state import Desk
-from deformer_app.viewer.worker import beside
+from deformer_app.viewer.session import Body, Edit, Entry, Handle, Kind, ModelName, Session, point
+from deformer_app.viewer.target import Target, load_alike
+from deformer_app.viewer.view_state import ViewState
+from deformer_app.viewer.worker import Jobs, in_background
 
-# A region is held by so many of its vertices.
-_HOLDS = 8
 _SELECT = "Select a handle first: click it, or a row of the list"
-_NEAR = 10.0  # pixels from a handle within which the mouse takes it
 
 
-class Editor(Desk):
-    """A desk that the user can work at; the controller's `Stage`.
+class Editor:
+    """Commands for one model, its session and the picture of it.
 
     Args:
         view: the picture.
-        notify: called on another thread when `tick` has something to do.
+        wake: called, also on other threads, when `tick` has something to do.
+
+    Attributes:
+        state: what the picture shows besides the pose.
+        stage: what the mouse can see and do.
+        controller: takes the events of the mouse.
+        on_change: called with every change.
     """
 
-    mode: Literal["drag", "paint"]
-
-    def __init__(self, view: MeshView, notify: Callable[[], None] = lambda: None) -> None:
+    def __init__(self, view: MeshView, wake: Callable[[], None] = lambda: None) -> None:
         """Begin without a model."""
-        super().__init__(view, notify)
-        self.controller = Controller(self)
-        self.brush_radius = 0.08  # geodesic, in bounding diagonals
-        self._symmetry: deformer.Symmetry | None = None
-        self._grasped: Edit | None = None
-        self._slid_from = np.zeros(0)
-        self._patch: set[int] = set()
+        self.on_change: list[Callable[[Change], Any]] = []
+        self.state = ViewState(view, self._announce, wake)
+        self.stage = MouseStage(self)
+        self.controller = Controller(self.stage)
+        self._wake = wake
+        self._jobs = Jobs()
+        self._model: DeformationModel | None = None
+        self._session: Session | None = None
+        self._display: PoseDisplay | None = None
+        self._plane: MirrorPlane | None = None
+        self._before_drag: Edit | None = None
+        self._code_before_slide = np.zeros(0)
+
+    # The model and its session.
+
+    @property
+    def is_open(self) -> bool:
+        """True once there is a model."""
+        return self._model is not None
+
+    @property
+    def model(self) -> DeformationModel:
+        """The model that is edited."""
+        assert self._model is not None, "no model is open"
+        return self._model
+
+    @property
+    def session(self) -> Session:
+        """The history of what has been done."""
+        assert self._session is not None, "no model is open"
+        return self._session
+
+    @property
+    def edit(self) -> Edit:
+        """The present handles and prior."""
+        return self.session.edit
 
     def open_model(self, path: str | Path, session: Session | None = None) -> None:
         """Open a model, with a session of it or a new one.
@@ -57,214 +103,238 @@ class Editor(Desk):
         Raises:
             InputError: no such model, or the session belongs to another.
         """
-        super().open_model(path, session)
-        self._symmetry, self._grasped = None, None
-        self._patch.clear()
+        model = deformer.load_model(path)
+        if session is not None:
+            session.check_fits(model, path)
+        if self._display is not None:
+            self._display.close(0.0)
+        name = ModelName(stored_name(path), model.fingerprint)
+        self._model, self._plane = model, MirrorPlane(model.reference)
+        self._session = session or Session.begin(name, start_codes(model)["Reference"])
+        self._before_drag = None
+        self.stage.clear_region()
+        self._display = PoseDisplay(
+            model, self._session, self.state, self._jobs, self._announce, self._wake
+        )
+        self.state.show_model(model)
+        self.state.frame(self.vertices)
+        for text in self.state.restore(self._session.view):
+            self._announce(MistakeMade(text))
+        self._ask(self._session.entry.solution)
+        self._announce(ModelOpened(), HistoryChanged(), HandlesChanged())
 
-    # What the controller sees and does: see `Stage`.
+    def open_session(self, path: str | Path, model: str | Path | None = None) -> None:
+        """Open a saved session and the model that it belongs to.
+
+        Raises:
+            InputError: the session is damaged, or its model is not where it was.
+        """
+        session = Session.load(path)
+        self.open_model(model or session.model.path, session)
+
+    def save_session(self, path: str | Path) -> None:
+        """Write the session to a file."""
+        self.session.view = self.state.as_json()
+        self.session.save(path)
+        self._announce(HistoryChanged())
+
+    def write_copy(self, path: str | Path) -> None:
+        """Write the session to a file; it still counts as unsaved."""
+        self.session.view = self.state.as_json()
+        self.session.write_copy(path)
+
+    def close(self) -> None:
+        """End the solver's thread."""
+        if self._display is not None:
+            self._display.close()
+
+    # The pose.
+
+    @property
+    def answer(self) -> Answer | None:
+        """The newest pose and what belongs to it; None until the solver is prepared."""
+        return None if self._display is None else self._display.poses.answer
+
+    @property
+    def preparing(self) -> bool:
+        """True while the solver of a model is being prepared."""
+        return self.is_open and self.answer is None
+
+    @property
+    def vertices(self) -> NDArray[np.float64]:
+        """The surface (V, 3) of the newest pose."""
+        return self.model.reference.vertices if self.answer is None else self.answer.pose.vertices
+
+    @property
+    def code(self) -> NDArray[np.float64]:
+        """The latent code (K,) of the newest pose."""
+        return np.array(self.edit.base) if self.answer is None else self.answer.pose.z
+
+    @property
+    def activations(self) -> Activations | None:
+        """Strengths and limits of the components, once they have been measured."""
+        return None if self._display is None else self._display.activations
+
+    @property
+    def latencies(self) -> deque[float]:
+        """Seconds from a move of the mouse to the frame with its pose, the latest last."""
+        return deque() if self._display is None else self._display.poses.latencies
+
+    def _ask(self, solution: Any = None, moving: bool = False) -> None:
+        if self._display is not None:
+            self._display.ask(solution, moving)
+
+    # Time.
 
     @property
     def dragging(self) -> bool:
-        """Whether a button of the mouse is down."""
+        """True while a button of the mouse is down."""
         return self.controller.dragging
 
     @property
-    def hint(self) -> str:
-        """A line that says what the mouse would do here."""
-        found = self._hover
-        if self.preparing:
-            return "Preparing the solver …"
-        if self.mode == "paint":
-            return "Paint a patch with the left button; Esc gives up"
-        if found.part is not None:
-            return "Drag to move exactly along this part; Shift for a finer step"
-        if found.handle is not None:
-            return "Drag the handle; S soft, E exact, P pin, Del removes it"
-        if found.vertex is not None:
-            return f"Vertex {found.vertex}: click to hold it, drag to pull it"
-        return "Drag the body to bend it, beside it to look around.  F1: all keys"
+    def busy(self) -> bool:
+        """True while a pose, a frame or a job is still to come."""
+        return bool(self._jobs) or (self._display is not None and self._display.busy)
 
-    def vertex_at(self, pixel: Pixel) -> int | None:
-        """The visible vertex nearest to a pixel on the surface; none before there is a pose."""
-        return self.view.vertex_at(pixel) if self.is_open and not self.preparing else None
+    @property
+    def idle(self) -> bool:
+        """True while `tick` has nothing to do until something changes."""
+        return not (self.busy or self.dragging) and self.state.view.is_sharp
 
-    def handle_at(self, pixel: Pixel) -> int | None:
-        """Id of the visible handle at a pixel: where it is, or its target."""
-        if not self.is_open or not self.edit.handles:
-            return None
-        marks, owners = self._marks()
-        both = np.vstack([marks.positions, marks.targets])
-        apart = self.camera.project(both, self.size) - pixel
-        distance = np.sqrt((apart**2).sum(axis=1))
-        for row in np.argsort(distance):
-            if distance[row] > _NEAR:
-                return None
-            if self.view.sees(both[row]) or row >= len(owners):
-                return owners[row % len(owners)]
-        return None
+    def run(self, job: Iterator[None]) -> None:
+        """Do a step of `job` every tick, so that the window stays alive."""
+        self._jobs.add(job)
+        self._wake()
 
-    def handles_in(self, low: Pixel, high: Pixel) -> list[int]:
-        """Ids of the handles within a rectangle of the picture."""
-        marks, owners = self._marks()
-        if not owners:
-            return []
-        at = self.camera.project(marks.positions, self.size)
-        inside = ((at >= low) & (at <= high)).all(axis=1)
-        return sorted({owners[n] for n in np.flatnonzero(inside)})
+    def tick(self) -> None:
+        """Fetch what the solver has, draw what has changed, go on with jobs; never waits."""
+        if self._display is None:
+            return
+        self._display.tick(self.dragging)
+        for error in self._jobs.step():
+            self._announce(MistakeMade.of(error))
 
-    def position_of(self, handle: int) -> NDArray[np.float64]:
-        """The centre of a handle's targets."""
-        return np.array(self.edit.handle(handle).centre)
+    def note(self, text: str) -> None:
+        """Tell the user something that is no mistake."""
+        self._announce(NoticeGiven(text))
 
-    def hover(self, found: Hover) -> None:
-        """Light up what is under the cursor."""
-        if found != self._hover:
-            self._hover = found
-            self._touch()
-            self._emit("hover")
+    def _announce(self, *changes: Change) -> None:
+        for change in changes:
+            for listener in tuple(self.on_change):
+                listener(change)
+
+    # What a drag does.
+
+    @property
+    def selected(self) -> frozenset[int]:
+        """Ids of the selected handles."""
+        return self.state.selected
 
     def select(self, handles: Iterable[int], add: bool = False, toggle: bool = False) -> None:
         """Select handles: these alone, these too, or turn each over."""
-        new = frozenset(handles)
-        if toggle:
-            new = self._selected ^ new
-        elif add:
-            new = self._selected | new
-        if new != self._selected:
-            self._selected = new
-            self._touch()
-            self._emit("handles")
+        self.state.select(handles, add, toggle)
 
     def place(self, vertex: int, add: bool = False) -> int:
-        """Put a handle on a vertex where it is now; an old one there is taken instead."""
+        """Put a handle on a vertex where it is now, or select the one there; return its id."""
         for handle in self.edit.handles:
             if handle.vertices == (vertex,):
                 self.select([handle.id], add=add)
                 return handle.id
         at = point(self.vertices[vertex])
         handle = Handle(self.session.next_id(), (vertex,), (at,))
-        self._grasped = None
+        self._before_drag = None
         self.session.change(self.edit.with_handles([handle]))
         self.select([handle.id], add=add)
-        self.ask(moving=True)
+        self._ask(moving=True)
         return handle.id
 
     def move_selected(self, motion: Motion) -> None:
         """Move the selected handles from where they were when this drag began; pins stay."""
-        if self._grasped is None:
-            self._grasped = self.edit
-        held = [h for h in self._grasped.handles if h.id in self._selected and h.kind != "pin"]
-        self.session.change(self._grasped.with_handles(h.moved(motion) for h in held))
-        self.ask(moving=True)
-        self._emit("drag")
+        if self._before_drag is None:
+            self._before_drag = self.edit
+        moved = [h.moved(motion) for h in self.state.movable(self._before_drag.handles)]
+        self.session.change(self._before_drag.with_handles(moved))
+        self._ask(moving=True)
+        self._announce(HandlesDragged())
 
     def commit(self, label: str) -> None:
         """End what is under way as one step of the history."""
-        self._grasped = None
+        self._before_drag = None
         answer = self.answer
-        fits = answer is not None and answer.request.edit == self.edit
-        if self.session.commit(label, answer.solution if answer and fits else None):
-            self._emit("history", "handles")
-        self.ask()
+        solution = answer.solution if answer and answer.request.edit == self.edit else None
+        if self.session.commit(label, solution):
+            self._announce(HistoryChanged(), HandlesChanged())
+        self._ask()
 
     def revert(self) -> None:
-        """Take back what is under way."""
-        self._grasped = None
-        self._patch.clear()
-        self.view.show_patch(())
+        """Drop what is under way."""
+        self._before_drag = None
         if self.session.under_way:
             self.session.revert()
-            self._keep_selection()
-            self.ask(self.session.entry.solution)
-        self._touch()
+            self.state.forget_missing(self.edit.handles)
+            self._ask(self.session.entry.solution)
+        self.state.invalidate()
 
-    def rubber_band(self, low: Pixel | None, high: Pixel | None) -> None:
-        """Draw a rectangle, or none."""
-        self.view.show_box(low, high)
-        self._touch()
-
-    def brush(self, vertex: int) -> None:
-        """Paint the disc around a vertex, along the surface."""
-        radius = self.brush_radius * self.model.reference.bounding_diagonal
-        row = self.model.geodesics.row(vertex)
-        self._patch.update(np.flatnonzero(row <= radius).tolist())
-        self.view.show_patch(sorted(self._patch))
-        self._touch()
-
-    def resize_brush(self, factor: float) -> None:
-        """Make the brush larger or smaller, within reason."""
-        self.brush_radius = min(max(factor * self.brush_radius, 0.005), 0.5)
-
-    def finish_region(self, add: bool = False) -> None:
-        """Make one handle of the painted region."""
-        patch = np.array(sorted(self._patch), dtype=np.int64)
-        self._patch.clear()
-        self.view.show_patch(())
-        self.set_mode("drag")
-        if not len(patch):
-            return
-        rest = self.model.reference.vertices[patch]
-        chosen = patch[spread(rest - rest.mean(axis=0), _HOLDS)]
-        handle = Handle(
-            self.session.next_id(),
-            tuple(chosen.tolist()),
-            tuple(point(p) for p in self.vertices[chosen]),
-            patch=tuple(patch.tolist()),
-        )
+    def add_region(self, vertices: Sequence[int], add: bool = False) -> None:
+        """Make one handle of a region of vertices and select it, as a step of the history."""
+        number = self.session.next_id()
+        handle = edits.region_handle(number, vertices, self.model.reference, self.vertices)
         self.session.change(self.edit.with_handles([handle]))
-        self.select([handle.id], add=add)
+        self.select([number], add=add)
         self.commit("Paint region")
 
-    # Commands.
+    # History.
 
     def change(self, label: str, edit: Edit) -> None:
         """Make a state the next step of the history and solve for it."""
         self.session.change(edit)
-        self._keep_selection()
+        self.state.forget_missing(edit.handles)
         self.commit(label)
 
     def undo(self) -> None:
-        """Take the last step back."""
+        """Go one step back."""
         if self.session.can_undo:
             self._show_entry(self.session.undo())
 
     def redo(self) -> None:
-        """Take a step forth again."""
+        """Go one step forth again."""
         if self.session.can_redo:
             self._show_entry(self.session.redo())
 
-    def _show_entry(self, entry: Any) -> None:
-        self._keep_selection()
-        self.ask(entry.solution)
-        self._emit("history", "handles")
+    def _show_entry(self, entry: Entry) -> None:
+        self.state.forget_missing(entry.edit.handles)
+        self._ask(entry.solution)
+        self._announce(HistoryChanged(), HandlesChanged())
+
+    # The prior.
 
     def start_from(self, name: str, code: ArrayLike) -> None:
-        """Lean on a latent code, with no handles."""
+        """Make a latent code (K,) the prior's mean, with no handles."""
         base = tuple(float(value) for value in np.asarray(code))
         self.change(f"Start from {name}", replace(self.edit, base=base, handles=()))
 
     def start_from_mesh(self, path: str | Path) -> None:
-        """Lean on the code whose shape comes closest to a mesh; found beside the window.
+        """Start from the code whose shape comes closest to a mesh; found in the background.
 
         Raises:
-            InputError: it has another number of vertices.
+            InputError: the mesh has another number of vertices.
         """
-        mesh, model = self._load_alike(path), self.model
+        mesh, model = load_alike(path, self.model.reference), self.model
 
-        def wait() -> Iterator[None]:
+        def fit() -> Iterator[None]:
             self.note(f"Looking for the code of {path} …")
-            code = yield from beside(lambda: model.fit(mesh.vertices))
+            code = yield from in_background(lambda: model.fit(mesh.vertices))
             if self._model is model:
                 self.start_from(Path(path).name, code)
 
-        self.run(wait())
+        self.run(fit())
 
     def reset(self) -> None:
         """Go back to the reference, with no handles."""
-        self.start_from("reference", self.start_codes()["Reference"])
+        self.start_from("reference", start_codes(self.model)["Reference"])
 
     def use_as_base(self) -> None:
-        """Lean on the pose that is shown; handles stay where they are."""
+        """Make the pose that is shown the prior's mean; handles stay where they are."""
         if self.answer is not None:
             self.change("Start from this pose", replace(self.edit, base=self.answer.solution.z))
 
@@ -272,55 +342,54 @@ class Editor(Desk):
         """Set a component of the code; handles resist. `commit` ends it. Not during a drag."""
         if self.dragging:
             return
-        if self._grasped is None:
-            self._grasped = self.edit
-            self._slid_from = self.code
-        base = list(self._grasped.base)
-        base[component] += value - float(self._slid_from[component])
-        self.session.change(replace(self._grasped, base=tuple(base)))
-        self.ask(moving=True)
+        if self._before_drag is None:
+            self._before_drag = self.edit
+            self._code_before_slide = self.code
+        base = list(self._before_drag.base)
+        base[component] += value - float(self._code_before_slide[component])
+        self.session.change(replace(self._before_drag, base=tuple(base)))
+        self._ask(moving=True)
 
     def set_noise(self, noise: float) -> None:
-        """How hard the prior holds; `commit` ends it."""
+        """Set how far handles may be from their targets for the prior's sake; `commit` ends it."""
         self.session.change(replace(self.edit, noise=noise))
-        self.ask(moving=True)
+        self._ask(moving=True)
 
     def set_body(self, body: Body) -> None:
-        """Whether the body may turn and travel as a whole."""
+        """Let the body turn and travel as a whole, or not."""
         self.change("Body " + body, replace(self.edit, body=body))
+
+    # Handles.
 
     def set_kind(self, kind: Kind) -> None:
         """Make the selected handles soft, exact or pins."""
-        held = [replace(h, kind=kind) for h in self._held()]
-        if kind == "pin":
-            held = [
-                replace(h, targets=tuple(point(p) for p in self.vertices[list(h.vertices)]))
-                for h in held
-            ]
-        if held:
-            self.change(f"Make {kind}", self.edit.with_handles(held))
+        handles = self.state.selection(self.edit.handles)
+        if handles:
+            changed = edits.with_kind(handles, kind, self.vertices)
+            self.change(f"Make {kind}", self.edit.with_handles(changed))
         else:
             self.note(_SELECT)
 
     def set_weight(self, weight: float) -> None:
         """Weigh the selected handles; `commit` ends it."""
-        held = [replace(handle, weight=weight) for handle in self._held()]
-        self.session.change(self.edit.with_handles(held))
-        self.ask(moving=True)
+        handles = self.state.selection(self.edit.handles)
+        self.session.change(self.edit.with_handles(replace(h, weight=weight) for h in handles))
+        self._ask(moving=True)
 
     def set_centre(self, centre: ArrayLike) -> None:
         """Move the selected handles so that their common centre is at a point (3,)."""
-        held = self._movable()
-        if held:
-            before = np.mean([handle.centre for handle in held], axis=0)
-            shift = np.asarray(centre, dtype=np.float64) - before
-            moved = [handle.moved(lambda p: p + shift) for handle in held]
-            self.change("Move", self.edit.with_handles(moved))
+        handles = self.state.movable(self.edit.handles)
+        if handles:
+            self.change("Move", self.edit.with_handles(edits.centred_at(handles, centre)))
+
+    def select_all(self) -> None:
+        """Select every handle."""
+        self.select([handle.id for handle in self.edit.handles])
 
     def delete(self) -> None:
         """Remove the selected handles."""
-        if self._selected:
-            self.change("Delete", self.edit.without(self._selected))
+        if self.selected:
+            self.change("Delete", self.edit.without(self.selected))
         else:
             self.note(_SELECT)
 
@@ -330,111 +399,58 @@ class Editor(Desk):
             self.change("Clear handles", replace(self.edit, handles=()))
 
     @property
-    def symmetry(self) -> deformer.Symmetry:
-        """The body's mirror plane, found at the first use."""
-        if self._symmetry is None:
-            self._symmetry = deformer.find_symmetry(self.model.reference)
-        return self._symmetry
-
-    def preview(self, component: int | None) -> None:
-        """Colour the surface by the support of a component, or as before."""
-        if self.activations is None:
-            return
-        if component is None:
-            self.view.paint(None if self.answer is None else self._paint)
-        else:
-            self.view.paint(component_paint(self.model, self.activations, component))
-        self._touch()
-
-    def find_symmetry(self) -> None:
-        """Find the mirror plane again after `tell_symmetry`."""
-        self._symmetry = None
-
-    def tell_symmetry(self, axis: str) -> None:
-        """Mirror about the plane through the reference's middle across "x", "y" or "z"."""
-        reference = self.model.reference
-        middle = 0.5 * (reference.vertices.min(axis=0) + reference.vertices.max(axis=0))
-        self._symmetry = deformer.symmetry_about(reference, middle, np.eye(3)["xyz".index(axis)])
+    def plane(self) -> MirrorPlane:
+        """The plane across which handles are mirrored."""
+        assert self._plane is not None, "no model is open"
+        return self._plane
 
     def mirror(self) -> None:
         """Copy the selected handles, or all, to the other side; what is there already moves."""
-        symmetry, edit = self.symmetry, self.edit
-        number, changed = self.session.next_id(), []
-        sources = self._held() or list(edit.handles)
-        for handle in sources:
-            vertices = tuple(symmetry.opposite[list(handle.vertices)].tolist())
-            patch = tuple(sorted(set(symmetry.opposite[list(handle.patch)].tolist())))
-            there = [h for h in edit.handles if set(h.vertices) & set(vertices)]
-            if any(h.id == handle.id for h in there):
-                continue  # on the plane: its own mirror image
-            copy = replace(
-                handle,
-                id=there[0].id if there else number,
-                vertices=vertices,
-                targets=tuple(point(p) for p in symmetry.mirror(handle.targets)),
-                patch=patch,
-            )
-            number += not there
-            changed.append(copy)
+        sources = self.state.selection(self.edit.handles) or self.edit.handles
+        number = self.session.next_id()
+        changed = edits.mirrored(self.edit, sources, self.plane.symmetry, number)
         if changed:
-            self.change("Mirror", edit.with_handles(changed))
+            self.change("Mirror", self.edit.with_handles(changed))
             self.select([h.id for h in changed], add=True)
         else:
             self.note("Nothing to mirror: place a handle beside the plane of symmetry first")
 
     def suggest(self) -> None:
-        """Place a handle where it would tell most, and show where that is."""
-        if self.look.colour != "uncertainty":
+        """Show where another handle would reduce the uncertainty most; again places it."""
+        if self.state.look.colour != "uncertainty":
             self.change_look(colour="uncertainty")
             self.note("Red is where one more handle would tell most; N again places it")
         elif self.answer is not None and self.answer.suggestion is not None:
             self.place(self.answer.suggestion)
             self.commit("Suggested handle")
 
-    def set_mode(self, mode: Literal["drag", "paint"]) -> None:
-        """Drag handles, or paint a region."""
-        self.mode = mode
-        self._touch()
-        self._emit("look")
+    # Looks.
 
-    def set_gizmo(self, mode: Mode) -> None:
-        """What the manipulator of several handles does."""
-        self.gizmo_mode, self.gizmo_shown = mode, True
-        self._touch()
-        self._emit("look")
+    def frame(self, azimuth: float = 25.0, elevation: float = 8.0) -> None:
+        """Look at all of the shape from a direction, in degrees; see `aim`."""
+        self.state.frame(self.vertices, azimuth, elevation)
 
-    def screenshot(self, path: str | Path) -> None:
-        """Write the picture as it is, sharply."""
-        save_picture(path, self.view.picture())
+    def change_look(self, **changes: Any) -> None:
+        """Change how the picture is drawn; see `Look`."""
+        before = self.state.look.colour
+        self.state.change_look(**changes)
+        if self.state.look.colour != before and self._display is not None:
+            self._display.ask_for_colours()
 
-    def export_pose(self, path: str | Path) -> None:
-        """Write the surface that is shown as a mesh file.
+    def load_target(self, path: str | Path) -> None:
+        """Compare with a mesh of the same connectivity.
 
         Raises:
-            InputError: there is no pose yet.
+            InputError: the mesh has another number of vertices.
         """
-        if self.preparing:
-            raise InputError(f"{path}: the solver is still being prepared; try again in a moment")
-        io.save_mesh(path, Mesh(self.vertices, self.model.reference.faces))
+        self.state.target = Target.load(path, self.model.reference)
+        self.change_look(ghost="target", colour="error")
 
-    def export_handles(self, path: str | Path) -> None:
-        """Write the targets as `deformer fit` reads them."""
-        # A vertex may belong to several handles; a file names it once.
-        rows = list({row["vertex"]: row for row in self.session.summary()["handles"]}.values())
-        if not rows:
-            raise InputError(f"{path}: there are no handles to write; place one first")
-        io.write_json(path, {"handles": rows})
-
-
-def opening(model: str | None, session: Path | None) -> tuple[str, Session | None]:
-    """The model to open first, and the session to open with it, both looked at before any window.
-
-    Raises:
-        InputError: no such model, a session that is damaged, missing or of another model.
-    """
-    saved = Session.load(session) if session is not None else None
-    first = model or (saved.model.path if saved else "humanoid")
-    loaded = deformer.load_model(first)
-    if saved is not None and session is not None:
-        saved.check_fits(loaded, session)
-    return first, saved
+    def preview(self, component: int | None) -> None:
+        """Colour the surface by the support of a component, or as before."""
+        if self.activations is None:
+            return
+        if component is None:
+            self.state.preview_paint(None)
+        else:
+            self.state.preview_paint(component_paint(self.model, self.activations, component))

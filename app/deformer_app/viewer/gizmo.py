@@ -1,4 +1,4 @@
-"""The manipulator at the centre of what is selected: its parts, and what a drag of one means.
+"""The manipulator at the centre of the selected handles: its parts, and what a drag of one does.
 
 Move: three axes and three planes. Rotate: three rings. Scale: one square at the centre. Its axes
 are those of the world, its size is constant on the screen.
@@ -19,7 +19,7 @@ Mode = Literal["move", "rotate", "scale"]
 Size = tuple[int, int]
 
 LENGTH = 84  # pixels from the centre to the tip of an axis, or of a ring's radius
-REACH = 8  # pixels from a part within which the mouse takes it
+REACH = 8  # pixels from a part within which a press is on it
 _PLANE = (0.28, 0.5)  # inner and outer corner of a plane's square, in lengths of an axis
 _RING = np.linspace(0.0, 2.0 * np.pi, 65)
 _DOUBLING = 120.0  # pixels to the right that double what is scaled
@@ -41,23 +41,23 @@ class Motion:
     shift: NDArray[np.float64]
 
     def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Move points (n, 3)."""
+        """Return points (n, 3), moved."""
         return (np.asarray(points) - self.centre) @ self.matrix.T + self.centre + self.shift
 
 
 def translation(shift: ArrayLike) -> Motion:
-    """A motion that shifts."""
+    """Return the motion that shifts by a vector (3,)."""
     return Motion(np.eye(3), np.zeros(3), np.asarray(shift, dtype=np.float64))
 
 
 def rotation(centre: ArrayLike, vector: ArrayLike) -> Motion:
-    """A motion that turns about `centre` by a rotation vector (3,) in radians."""
+    """Return the motion that turns about `centre` (3,) by a rotation vector (3,) in radians."""
     turn = log_to_rotation(np.asarray(vector, dtype=np.float64))
     return Motion(turn, np.asarray(centre, dtype=np.float64), np.zeros(3))
 
 
 def scaling(centre: ArrayLike, factor: float) -> Motion:
-    """A motion that scales about `centre`."""
+    """Return the motion that scales about `centre` (3,)."""
     return Motion(factor * np.eye(3), np.asarray(centre, dtype=np.float64), np.zeros(3))
 
 
@@ -66,8 +66,8 @@ class Gizmo:
     """The manipulator.
 
     Args:
-        centre: (3,) where it sits.
-        mode: which of its parts are there.
+        centre: (3,) its position.
+        mode: what it does, which decides its parts.
     """
 
     centre: tuple[float, float, float]
@@ -79,7 +79,7 @@ class Gizmo:
         return _PARTS[self.mode]
 
     def outline(self, part: str, camera: Camera, size: Size) -> NDArray[np.float64]:
-        """Corners (n, 3) of a part in space: a line, a closed square or a closed ring."""
+        """Return the corners (n, 3) of a part: a line, a closed square or a closed ring."""
         length = LENGTH * camera.pixel_size(self.centre, size)
         if part == "s":
             right, up, _ = 0.16 * length * camera.axes()
@@ -97,7 +97,7 @@ class Gizmo:
         return np.asarray(self.centre) + corners
 
     def part_at(self, pixel: ArrayLike, camera: Camera, size: Size) -> str | None:
-        """The part under a pixel: the nearest within reach; a square, anywhere inside it."""
+        """Return the part under a pixel: the nearest within reach; a square, anywhere inside it."""
         at, best = np.asarray(pixel, dtype=np.float64), (float(REACH), None)
         for part in self.parts:
             line = camera.project(self.outline(part, camera, size), size)
@@ -110,9 +110,9 @@ class Gizmo:
     def motion(
         self, part: str, start: ArrayLike, now: ArrayLike, camera: Camera, size: Size
     ) -> Motion | None:
-        """What a drag of a part from pixel `start` to pixel `now` does.
+        """Return what a drag of a part from pixel `start` to pixel `now` does.
 
-        None where the view is so flat along the part that the mouse cannot tell.
+        None where the view is so flat along the part that the mouse does not determine it.
         """
         first, second = camera.ray(start, size), camera.ray(now, size)
         centre = np.asarray(self.centre)
@@ -138,7 +138,7 @@ def _axis(name: str) -> NDArray[np.float64]:
 
 
 def _to_line(point: NDArray, line: NDArray) -> float:
-    """Distance from a point (2,) to a polyline (n, 2)."""
+    """Return the distance from a point (2,) to a polyline (n, 2)."""
     a, step = line[:-1], np.diff(line, axis=0)
     along = ((point - a) * step).sum(axis=1) / np.maximum((step**2).sum(axis=1), 1e-12)
     nearest = a + np.clip(along, 0.0, 1.0)[:, None] * step
@@ -146,7 +146,7 @@ def _to_line(point: NDArray, line: NDArray) -> float:
 
 
 def _inside(point: NDArray, square: NDArray) -> bool:
-    """Whether a point (2,) lies in a closed convex polygon (n, 2)."""
+    """Return True if a point (2,) lies in a closed convex polygon (n, 2)."""
     step, gap = np.diff(square, axis=0), point - square[:-1]
     turn = step[:, 0] * gap[:, 1] - step[:, 1] * gap[:, 0]
     return bool((turn >= 0).all() or (turn <= 0).all())

@@ -1,114 +1,167 @@
-"""Dots and strokes of the picture: VTK actors made once and refilled, which costs microseconds."""
+"""What is drawn upon the surface: handles, manipulator, what is under the mouse, texts."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
-from vtkmodules.vtkCommonCore import vtkPoints
-from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
-from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper, vtkRenderer
+from vtkmodules.vtkRenderingCore import vtkRenderer, vtkTextActor
 
-from deformer_app.rendering.palette import rgb
+from deformer_app.rendering.camera import Camera
+from deformer_app.rendering.palette import AXES, HOVERED, SELECTED, TARGET, Theme, rgb
+from deformer_app.viewer.events import Pixel
+from deformer_app.viewer.gizmo import Gizmo
+from deformer_app.viewer.primitives import Dots, Strokes
 
+Corner = Literal["bottom", "top", "middle"]  # left, right, and of the picture
 
-class _Marks:
-    """An actor of points that belong to cells, each cell with a colour."""
-
-    def __init__(self, renderer: vtkRenderer) -> None:
-        self._data, self._mapper, self.actor = vtkPolyData(), vtkPolyDataMapper(), vtkActor()
-        self._mapper.SetInputData(self._data)
-        self._mapper.SetScalarModeToUseCellData()
-        self._mapper.SetColorModeToDirectScalars()
-        self.actor.SetMapper(self._mapper)
-        self.actor.PickableOff()
-        self.actor.VisibilityOff()
-        renderer.AddActor(self.actor)
-
-    def clear(self) -> None:
-        """Draw nothing."""
-        self.actor.VisibilityOff()
-
-    def _fill(self, points: ArrayLike, cells: NDArray, colours: Sequence[str]) -> vtkCellArray:
-        """Take points (n, 3), cells (m, k) of their numbers and m colours."""
-        places = vtkPoints()
-        places.SetData(numpy_to_vtk(np.array(points, dtype=np.float32), deep=True))
-        self._data.SetPoints(places)
-        count, width = cells.shape
-        array = vtkCellArray()
-        array.SetData(
-            numpy_to_vtkIdTypeArray(np.arange(0, (count + 1) * width, width), deep=True),
-            numpy_to_vtkIdTypeArray(np.ascontiguousarray(cells, dtype=np.int64).ravel(), deep=True),
-        )
-        shades = np.array([rgb(colour) for colour in colours], dtype=np.uint8)
-        self._data.GetCellData().SetScalars(numpy_to_vtk(shades, deep=True))
-        self.actor.VisibilityOn()
-        return array
+_APART = 4.0  # pixels from handle to target from which a line joins them
+_CORNERS: dict[Corner, tuple[float, float]] = {
+    "bottom": (0.015, 0.02),
+    "top": (0.985, 0.98),
+    "middle": (0.5, 0.5),
+}
 
 
-class Dots(_Marks):
-    """Balls of one size in pixels.
+@dataclass(frozen=True, eq=False)
+class HandleDots:
+    """Handles to draw.
 
     Args:
-        renderer: where they are drawn.
-        size: diameter in pixels.
+        positions: (n, 3) where the handles' vertices are.
+        targets: (n, 3) where they should be.
+        colours: n names of colours.
+        sizes: n diameters in pixels.
     """
 
-    def __init__(self, renderer: vtkRenderer, size: int) -> None:
-        """Begin with none."""
-        super().__init__(renderer)
-        self._size = size
-        look = self.actor.GetProperty()
-        self.magnify(1.0)
-        look.SetRenderPointsAsSpheres(True)
-        look.SetAmbient(0.45)
-        look.SetDiffuse(0.6)
-        # Balls stand out of the surface that their centres lie on.
-        self._mapper.SetResolveCoincidentTopologyToPolygonOffset()
-        self._mapper.SetRelativeCoincidentTopologyPointOffsetParameter(-6000.0)
-
-    def magnify(self, factor: float) -> None:
-        """Draw with so many times the size: pixels may be smaller than those that one aims at."""
-        self.actor.GetProperty().SetPointSize(factor * self._size)
-
-    def show(self, points: NDArray, colours: Sequence[str]) -> None:
-        """Draw points (n, 3), each in its colour."""
-        if len(points):
-            self._data.SetVerts(self._fill(points, np.arange(len(points))[:, None], colours))
-        else:
-            self.clear()
+    positions: NDArray[np.float64]
+    targets: NDArray[np.float64]
+    colours: Sequence[str]
+    sizes: Sequence[int]
 
 
-class Strokes(_Marks):
-    """Lines of one width in pixels, without light.
+class Overlays:
+    """Dots, strokes and texts of one picture.
 
     Args:
-        renderer: where they are drawn.
-        width: in pixels.
+        scene: renderer of the surface, which hides what is behind it.
+        above: renderer of a layer that nothing hides.
+        size: gives width and height of the picture in pixels, which may change at any time.
     """
 
-    def __init__(self, renderer: vtkRenderer, width: float) -> None:
-        """Begin with none."""
-        super().__init__(renderer)
-        self._width = width
-        self.magnify(1.0)
-        self.actor.GetProperty().SetLighting(False)
+    def __init__(
+        self, scene: vtkRenderer, above: vtkRenderer, size: Callable[[], tuple[int, int]]
+    ) -> None:
+        """Begin with nothing to draw."""
+        self._scene, self._size = scene, size
+        self._camera: Camera | None = None
+        self._ink = ""
+        self._scale = (1.0, 1.0)
+        self._balls: dict[int, Dots] = {}
+        self._hover = Dots(scene, 12)
+        self._residuals, self._targets = Strokes(above, 2.5), Dots(above, 9)
+        self._gizmo, self._gizmo_lit = Strokes(above, 3.5), Strokes(above, 5.5)
+        self._tips, self._box = Dots(above, 11), Strokes(above, 1.5)
+        self._texts = {corner: _text(above, corner) for corner in _CORNERS}
 
-    def magnify(self, factor: float) -> None:
-        """Draw with so many times the width."""
-        self.actor.GetProperty().SetLineWidth(factor * self._width)
+    def look(self, camera: Camera) -> None:
+        """Draw what comes for a camera."""
+        self._camera = camera
 
-    def show(self, lines: Sequence[NDArray], colours: Sequence[str]) -> None:
-        """Draw polylines, each (n, 3) in its colour."""
-        if not len(lines):
-            self.clear()
+    def magnify(self, scene: float, above: float) -> None:
+        """Draw sizes in pixels so many times as large, in either renderer."""
+        self._scale = scene, above
+        for dots in (*self._balls.values(), self._hover):
+            dots.magnify(scene)
+        for item in (self._residuals, self._targets, self._gizmo, self._gizmo_lit, self._tips,
+                     self._box):  # fmt: skip
+            item.magnify(above)
+
+    def set_theme(self, theme: Theme) -> None:
+        """Change the colours of texts and outlines."""
+        self._ink = theme.ink
+        for text in self._texts.values():
+            text.GetTextProperty().SetColor(*(c / 255 for c in rgb(theme.ink)))
+            text.GetTextProperty().SetBackgroundColor(*(c / 255 for c in rgb(theme.background)))
+
+    def show_handles(self, handles: HandleDots) -> None:
+        """Draw handles as balls, and lines to targets that are visibly elsewhere."""
+        for size in set(self._balls) | set(handles.sizes):
+            rows = [n for n, s in enumerate(handles.sizes) if s == size]
+            if size not in self._balls:
+                self._balls[size] = Dots(self._scene, size)
+                self._balls[size].magnify(self._scale[0])
+            self._balls[size].show(handles.positions[rows], [handles.colours[n] for n in rows])
+        self._targets.clear()
+        self._residuals.clear()
+        if not len(handles.positions) or self._camera is None:
             return
-        cells, shades, start = [], [], 0
-        for line, colour in zip(lines, colours, strict=True):
-            first = np.arange(start, start + len(line) - 1)
-            cells.append(np.column_stack([first, first + 1]))
-            shades += [colour] * len(first)
-            start += len(line)
-        self._data.SetLines(self._fill(np.concatenate(lines), np.concatenate(cells), shades))
+        both = np.vstack([handles.positions, handles.targets])
+        here, there = self._camera.project(both, self._size()).reshape(2, -1, 2)
+        apart = np.sqrt(((here - there) ** 2).sum(axis=1)) > _APART
+        lines = np.stack([handles.positions[apart], handles.targets[apart]], axis=1)
+        self._targets.show(handles.targets[apart], [TARGET] * len(lines))
+        self._residuals.show(list(lines), [TARGET] * len(lines))
+
+    def show_hover(self, points: ArrayLike) -> None:
+        """Light up points (n, 3)."""
+        spots = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+        self._hover.show(spots, [HOVERED] * len(spots))
+
+    def show_gizmo(self, gizmo: Gizmo | None, lit: str | None) -> None:
+        """Draw the manipulator; one part of it lit up."""
+        drawn: dict[bool, list[tuple[NDArray, str]]] = {False: [], True: []}
+        if gizmo is not None and self._camera is not None:
+            for part in gizmo.parts:
+                outline = gizmo.outline(part, self._camera, self._size())
+                colour = SELECTED if part == lit else self._colour_of(part)
+                drawn[part == lit].append((outline, colour))
+        for is_lit, strokes in ((False, self._gizmo), (True, self._gizmo_lit)):
+            strokes.show([line for line, _ in drawn[is_lit]], [c for _, c in drawn[is_lit]])
+        tips = [item for items in drawn.values() for item in items if len(item[0]) == 2]
+        self._tips.show(np.array([line[-1] for line, _ in tips]), [c for _, c in tips])
+
+    def _colour_of(self, part: str) -> str:
+        if part == "s":
+            return self._ink
+        # A plane has the colour of the axis across it.
+        across = set("xyz") - set(part) if len(part) == 2 and part[0] != "r" else {part[-1]}
+        return AXES[across.pop()]
+
+    def show_box(self, corners: tuple[Pixel, Pixel] | None) -> None:
+        """Draw the rectangle from the top left to the bottom right corner, or none."""
+        if corners is None or self._camera is None:
+            self._box.clear()
+            return
+        low, high = corners
+        depth = float(self._camera.depths([self._camera.focal])[0])
+        outline = [low, (high[0], low[1]), high, (low[0], high[1]), low]
+        points = np.array([self._camera.unproject(p, depth, self._size()) for p in outline])
+        self._box.show([points], [self._ink])
+
+    def write(self, corner: Corner, text: str) -> None:
+        """Write lines into the bottom left corner, the top right one, or the middle."""
+        self._texts[corner].SetInput(text)
+        self._texts[corner].SetVisibility(bool(text))
+
+
+def _text(above: vtkRenderer, corner: Corner) -> vtkTextActor:
+    text = vtkTextActor()
+    text.GetPositionCoordinate().SetCoordinateSystemToNormalizedViewport()
+    text.SetPosition(*_CORNERS[corner])
+    style = text.GetTextProperty()
+    style.SetFontSize(14)
+    if corner == "top":
+        style.SetJustificationToRight()
+        style.SetVerticalJustificationToTop()
+    elif corner == "middle":
+        style.SetFontFamilyToCourier()
+        style.SetJustificationToCentered()
+        style.SetVerticalJustificationToCentered()
+        style.SetBackgroundOpacity(0.9)
+    text.VisibilityOff()
+    above.AddViewProp(text)
+    return text

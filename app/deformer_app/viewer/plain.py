@@ -10,14 +10,16 @@ from typing import Any
 import pyvista as pv
 
 from deformer import InputError
-from deformer_app.viewer.actions import ACTIONS, help_text
-from deformer_app.viewer.controller import Keys
+from deformer_app.viewer.actions import ACTIONS
+from deformer_app.viewer.changes import Change, FrameDrawn, MistakeMade, NoticeGiven
 from deformer_app.viewer.editor import Editor
-from deformer_app.viewer.events import listen
+from deformer_app.viewer.events import KeyPressed
+from deformer_app.viewer.help import help_text
 from deformer_app.viewer.scene import MeshView
 from deformer_app.viewer.session import Session
+from deformer_app.viewer.vtk_input import listen
 
-_PAUSE = 0.004  # seconds between two looks at the events
+_PAUSE = 0.004  # seconds between two polls of the events
 _NAMES = {"Delete": "Del", "BackSpace": "Del", "question": "F1", "bracketleft": "[",
           "bracketright": "]"}  # fmt: skip
 
@@ -46,11 +48,11 @@ class PlainWindow:
         self._file = file or Path("session.json")
         self._open, self._asked_to_close, self._helping = True, False, False
         self._keys = {action.key: action for action in ACTIONS if action.key}
-        self.editor.on_change.append(self._changed)
-        listen(self.editor.view, self.editor.controller, self._key)
+        self.editor.on_change.append(self._hear)
+        listen(self.editor.state.view, self.editor.controller.handle, self._handle_key)
         self.plotter.iren.interactor.AddObserver("ExitEvent", self._exit)
         self.editor.open_model(model, session)
-        self._changed("frame")
+        self._show_status()
 
     def run(self) -> Session:
         """Serve the window until it is closed; the session."""
@@ -66,15 +68,16 @@ class PlainWindow:
     def _exit(self, *_: Any) -> None:
         self._open = False
 
-    def _key(self, name: str, keys: Keys) -> None:
-        if name == "Escape":
+    def _handle_key(self, event: KeyPressed) -> None:
+        if event.name == "Escape":
             if not self.editor.controller.cancel() and self._helping:
                 self.help()
             return
+        name = event.name
         name = _NAMES.get(name, name.upper() if len(name) == 1 else name)
-        pressed = "Ctrl+" * keys.control + "Shift+" * keys.shift + name
+        pressed = "Ctrl+" * event.keys.control + "Shift+" * event.keys.shift + name
         action = self._keys.get(pressed)
-        if action is None:
+        if action is None or not action.enabled(self.editor):
             return
         if action.dialog:
             self._say(f"{action.title.rstrip('…')} needs the full window: leave out --plain")
@@ -84,21 +87,23 @@ class PlainWindow:
         except (InputError, OSError) as error:
             self._say(str(error))
 
-    def _changed(self, event: str) -> None:
-        editor = self.editor
-        if event == "message":
-            self._say(editor.message)
-        elif event == "notice":
-            self._say(editor.notice)
-        elif event == "frame" and not self._asked_to_close:
-            editor.view.write("bottom", editor.hint)
-            solve = editor.answer.pose.milliseconds if editor.answer else 0.0
-            frame = editor.view.frame_milliseconds
-            editor.view.write("top", f"solve {solve:.1f} ms   frame {frame:.1f} ms")
+    def _hear(self, change: Change) -> None:
+        match change:
+            case MistakeMade(text) | NoticeGiven(text):
+                self._say(text)
+            case FrameDrawn() if not self._asked_to_close:
+                self._show_status()
+
+    def _show_status(self) -> None:
+        editor, view = self.editor, self.editor.state.view
+        view.overlays.write("bottom", editor.stage.hint)
+        solve = editor.answer.pose.milliseconds if editor.answer else 0.0
+        text = f"solve {solve:.1f} ms   frame {view.frame_milliseconds:.1f} ms"
+        view.overlays.write("top", text)
 
     def _say(self, text: str) -> None:
-        self.editor.view.write("bottom", text)
-        self.editor.view.render()
+        self.editor.state.view.overlays.write("bottom", text)
+        self.editor.state.view.render()
 
     # What actions ask for; see `actions.Shell`.
 
@@ -112,10 +117,11 @@ class PlainWindow:
     def help(self) -> None:
         """Show or hide the help."""
         self._helping = not self._helping
-        self.editor.view.write("middle", help_text() if self._helping else "")
-        self.editor.view.render()
+        view = self.editor.state.view
+        view.overlays.write("middle", help_text() if self._helping else "")
+        view.render()
 
-    tour = help
+    begin_tour = help
 
     def close(self) -> None:
         """End; the second time if there is unsaved work."""

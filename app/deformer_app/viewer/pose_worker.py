@@ -1,4 +1,4 @@
-"""From an edit to what is drawn: the pose, its normals and its colours. Runs beside the window."""
+"""From an edit to what is drawn: the pose, its normals and its colours; runs in the background."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from deformer import DeformationModel, HandleSolver, Pose
 from deformer_app.viewer.colouring import Colouring, Paint
 from deformer_app.viewer.session import Edit, Handle, Session, Solution, point
 
-# While the mouse rests with the button down, and after it is released: so many frames at most.
+# Improved poses of one request, at most: while the mouse does not move, and after its release.
 _FRAMES = 12
-_STILL = 1e-4  # relative gain of energy that counts as standing still
+_STILL = 1e-4  # relative decrease of the energy that counts as converged
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class Request:
         solution: a pose found earlier for it, to be shown as it was; None solves from the last.
         moving: more requests are about to follow, so that nothing needs to be finished.
         colour: name of a colouring, see `Colouring`.
-        target: a shape (V, 3) to compare with.
+        target: (V, 3) a shape to compare with.
         activations: supports of the components to colour by, once they are known.
         number: counts requests, for timing.
     """
@@ -72,7 +72,7 @@ class Answer:
         return Solution(tuple(pose.z.tolist()), point(pose.rotation), point(pose.translation))
 
 
-class Poser:
+class PoseWorker:
     """A solver that follows edits.
 
     Args:
@@ -85,7 +85,7 @@ class Poser:
         self._solver = HandleSolver(model)
         self._familiarity = deformer.Familiarity(model)
         self.colouring = Colouring(model)
-        self._taken: Edit | None = None
+        self._edit: Edit | None = None
 
     def rehearse(self) -> None:
         """Solve for a handle of each kind, so that no user's first drag waits for a compiler.
@@ -95,14 +95,13 @@ class Poser:
         base, reference = tuple(self._model.codes[0].tolist()), self._model.reference
         aside = point(reference.vertices[0] + 0.02 * reference.bounding_diagonal)
         for kind in ("soft", "exact"):
-            self.settle(Edit(base, (Handle(1, (0,), (aside,), kind),)))
-        self._taken = None
+            self.final_pose(Edit(base, (Handle(1, (0,), (aside,), kind),)))
+        self._edit = None
 
     def __call__(self, request: Request) -> Iterator[Answer]:
-        """Answers that get better and better; the last one is final unless more is to follow."""
+        """Yield ever better poses of a request; the last is final unless more requests follow."""
         pose = self.begin(request.edit, request.solution)
-        settled = request.solution is not None or not request.edit.handles
-        if settled:
+        if request.solution is not None or not request.edit.handles:
             yield self._answer(request, pose, True)
             return
         yield self._answer(request, pose, False)
@@ -117,9 +116,9 @@ class Poser:
             yield self._answer(request, self._solver.relax() if exact else pose, True)
 
     def begin(self, edit: Edit, solution: Solution | None = None) -> Pose:
-        """The pose of an edit: a known one, or one step from the last."""
-        fresh = self._taken is None
-        self._take(edit)
+        """Return the pose of an edit: a known one, or one step from the last."""
+        fresh = self._edit is None
+        self._follow(edit)
         solver = self._solver
         if solution is not None:
             return solver.resume(solution.z, solution.rotation, solution.translation)
@@ -129,13 +128,13 @@ class Poser:
             solver.resume(edit.base, np.zeros(3), np.zeros(3))
         return solver.solve(warm=True)
 
-    def settle(self, edit: Edit) -> Pose:
-        """The final pose of an edit, as a window would show it after the mouse is released."""
+    def final_pose(self, edit: Edit) -> Pose:
+        """Return the pose of an edit that a window shows after the mouse is released."""
         return list(self(Request(edit)))[-1].pose
 
-    def _take(self, edit: Edit) -> None:
-        """Bring what has changed since the last edit to the solver."""
-        last, self._taken = self._taken, None
+    def _follow(self, edit: Edit) -> None:
+        """Tell the solver what has changed since the last edit."""
+        last, self._edit = self._edit, None
         if last is None or last.base != edit.base:
             self._solver.lean(on=edit.base)
         if last is None or (last.noise, last.freedom) != (edit.noise, edit.freedom):
@@ -143,7 +142,7 @@ class Poser:
         if last is None or last.handles != edit.handles:
             vertices, targets, weights, hard = edit.arrays()
             self._solver.set_handles(vertices, targets, weights, hard)
-        self._taken = edit
+        self._edit = edit
 
     def _answer(self, request: Request, pose: Pose, final: bool) -> Answer:
         reference = self._model.reference
@@ -151,8 +150,8 @@ class Poser:
         paint = self.colouring(request.colour, pose, target, request.activations)
         suggestion = None
         if request.colour == "uncertainty" and final:
-            open_ = deformer.uncertainty(self._solver)
-            paint, suggestion = self.colouring.of_uncertainty(open_), open_.suggestion
+            found = deformer.uncertainty(self._solver)
+            paint, suggestion = self.colouring.of_uncertainty(found), found.suggestion
         return Answer(
             request,
             pose,
@@ -166,9 +165,9 @@ class Poser:
 
 
 def replay(session: Session, model: DeformationModel) -> Pose:
-    """The pose that a session shows."""
+    """Return the pose that a session shows."""
     entry = session.entry
-    poser = Poser(model)
+    worker = PoseWorker(model)
     if entry.solution is None:
-        return poser.settle(entry.edit)
-    return poser.begin(entry.edit, entry.solution)
+        return worker.final_pose(entry.edit)
+    return worker.begin(entry.edit, entry.solution)

@@ -14,7 +14,8 @@ from PIL import Image
 from deformer_app.rendering.animation import check_animation_path, save_animation
 from deformer_app.rendering.camera import turntable
 from deformer_app.rendering.offscreen import Picture
-from deformer_app.viewer.worker import beside
+from deformer_app.viewer.changes import Change, FrameDrawn
+from deformer_app.viewer.worker import in_background
 
 if TYPE_CHECKING:
     from deformer_app.viewer.editor import Editor
@@ -25,7 +26,7 @@ _LONGEST = 1500  # frames of a recording: a minute
 
 
 class Recorder:
-    """Keeps the frames that an editor draws, with their times.
+    """Collects the frames that an editor draws, with their times.
 
     Args:
         editor: whose picture it is.
@@ -37,27 +38,29 @@ class Recorder:
         # Compressed: a minute of pictures would fill gigabytes.
         self._frames: list[bytes] = []
         self._times: list[float] = []
-        editor.on_frame = self._take
+        editor.on_change.append(self._hear)
 
-    def _take(self) -> None:
+    def _hear(self, change: Change) -> None:
+        if not isinstance(change, FrameDrawn):
+            return
         now = time.perf_counter()
         soon = bool(self._times) and now - self._times[-1] < 1.0 / FPS
         if not soon and len(self._frames) < _LONGEST:
-            self._keep(now)
+            self._add(now)
 
-    def _keep(self, now: float) -> None:
+    def _add(self, now: float) -> None:
         packed = BytesIO()
-        Image.fromarray(self._editor.view.grab()).save(packed, "JPEG", quality=95)
+        Image.fromarray(self._editor.state.view.grab()).save(packed, "JPEG", quality=95)
         self._frames.append(packed.getvalue())
         self._times.append(now)
 
     def stop(self) -> Sequence[Picture]:
-        """The frames at a steady rate; a pause lasts at most half a second."""
-        self._editor.on_frame = None
+        """End; return the frames at a steady rate, with pauses of at most half a second."""
+        self._editor.on_change.remove(self._hear)
         if not self._frames:
             return []
-        # What came too soon to be kept may have been the last.
-        self._keep(time.perf_counter())
+        # The last frame may have come too soon after the one before it.
+        self._add(time.perf_counter())
         gaps = np.minimum(np.diff(self._times), 0.5)
         at = np.concatenate([[0.0], np.cumsum(gaps)])
         steady = np.arange(0.0, at[-1] + 1.0 / FPS, 1.0 / FPS)
@@ -66,7 +69,12 @@ class Recorder:
 
 
 class _Film(Sequence[Picture]):
-    """Compressed pictures, by the number of each to show; all as large as the last one."""
+    """Compressed frames, unpacked one at a time; all of them as large as the last one.
+
+    Args:
+        frames: JPEG files.
+        shown: index into `frames` of each picture of the film.
+    """
 
     def __init__(self, frames: Sequence[bytes], shown: Sequence[int]) -> None:
         self._frames, self._shown = frames, shown
@@ -74,10 +82,10 @@ class _Film(Sequence[Picture]):
     def __len__(self) -> int:
         return len(self._shown)
 
-    def __getitem__(self, place: Any) -> Any:
-        if isinstance(place, slice):
-            return _Film(self._frames, self._shown[place])
-        picture = Image.open(BytesIO(self._frames[self._shown[place]]))
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, slice):
+            return _Film(self._frames, self._shown[index])
+        picture = Image.open(BytesIO(self._frames[self._shown[index]]))
         size = Image.open(BytesIO(self._frames[-1])).size  # the window may have been resized
         return np.asarray(picture if picture.size == size else picture.resize(size))
 
@@ -89,28 +97,27 @@ def save_turntable(editor: Editor, path: Path) -> Iterator[None]:
         InputError: the file's ending is neither .gif nor .mp4.
     """
     check_animation_path(path)
-    first, pictures = editor.camera, []
+    state, pictures = editor.state, []
+    first, view = state.camera, state.view
     try:
-        for camera in turntable(first, _TURN, editor.sky):
-            editor.camera = camera
-            editor.view.look(editor.camera)
-            editor.view.sharpen(True)
-            editor.view.show_gizmo(None, None)
-            editor.view.render()
-            pictures.append(editor.view.grab())
+        for camera in turntable(first, _TURN, state.sky):
+            view.look(camera)
+            view.sharpen(True)
+            view.overlays.show_gizmo(None, None)
+            view.render()
+            pictures.append(view.grab())
             yield
     finally:
-        editor.camera = first
-        editor.camera_moved()
-    yield from saving(editor, path, pictures)
+        state.set_camera(first)
+    yield from save_recording(editor, path, pictures)
 
 
-def saving(editor: Editor, path: Path, pictures: Sequence[Picture]) -> Iterator[None]:
-    """Write pictures beside the window.
+def save_recording(editor: Editor, path: Path, pictures: Sequence[Picture]) -> Iterator[None]:
+    """Write pictures in the background.
 
     Raises:
         InputError: see `save_animation`.
     """
     editor.note(f"Writing {path} …")
-    yield from beside(lambda: save_animation(path, pictures, FPS))
+    yield from in_background(lambda: save_animation(path, pictures, FPS))
     editor.note(f"Wrote {path}")

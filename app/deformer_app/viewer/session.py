@@ -1,7 +1,7 @@
-"""What is being edited: handles, the pose to lean on, an endless history, and one file for it all.
+"""What is being edited: handles and the prior's mean, an endless history, one file for it all.
 
 Nothing here knows of windows or solves anything. Every state is an immutable `Edit`; a command
-makes the next one, `Session` keeps them.
+makes the next one, `Session` has them all.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ KINDS: tuple[Kind, ...] = ("soft", "exact", "pin")
 Body = Literal["auto", "stays", "moves"]
 BODIES: tuple[Body, ...] = ("auto", "stays", "moves")
 
-NOISE = 0.007  # whoever pulls by hand is less certain than a marker: the prior may resist
-# Share of its freedom that a body keeps that is to stay where it is; see HandleSolver.
+NOISE = 0.007  # in bounding diagonals: a hand is less precise than a marker, the prior may resist
+# Freedom of the rigid motion of a body that stays where it is; see HandleSolver.
 _STAYS = 0.01
-# So many handles hold a body in space; with fewer a drag would only carry it along.
-_HOLD = 3
+# So many handles fix a body in space; with fewer a drag would carry it along as a whole.
+_FIXING = 3
 
 
 @dataclass(frozen=True)
 class Handle:
-    """Something the user holds: a vertex, or a painted region by a few vertices of it.
+    """What the user drags: a vertex, or a painted region by a few vertices of it.
 
     Args:
-        id: number that it keeps for life.
+        id: number that no other handle of the session has.
         vertices: the vertices that have targets; one, unless it is a region.
         targets: a point for each of them.
         kind: "soft" (close to its target), "exact" (on it) or "pin" (on it, and drags leave it).
@@ -53,22 +53,28 @@ class Handle:
 
     @property
     def centre(self) -> Point:
-        """Mean of the targets."""
+        """Mean (3,) of the targets."""
         return point(np.mean(self.targets, axis=0))
 
     @property
     def is_region(self) -> bool:
-        """Whether it holds a painted region."""
+        """True for a painted region."""
         return bool(self.patch)
 
     def moved(self, motion: Callable[[ArrayLike], Any]) -> Handle:
-        """The handle with its targets moved."""
+        """Return the handle with its targets moved."""
         return replace(self, targets=tuple(point(p) for p in motion(np.array(self.targets))))
 
 
 @dataclass(frozen=True)
 class Solution:
-    """What the solver found: enough to show the same pose again (see HandleSolver.resume)."""
+    """What the solver has found: enough to show the same pose again, see HandleSolver.resume.
+
+    Args:
+        z: (K,) latent code.
+        rotation: (3,) rotation vector of the rigid motion, in radians.
+        translation: (3,) of the rigid motion.
+    """
 
     z: tuple[float, ...]
     rotation: Point
@@ -80,11 +86,12 @@ class Edit:
     """All that decides a pose.
 
     Args:
-        base: (K,) latent code to lean on: the pose without handles.
-        handles: what the user holds.
-        noise: how hard the prior holds; small follows the handles, see HandleSolver.
+        base: (K,) latent code that is the prior's mean: the pose without handles.
+        handles: what the user drags.
+        noise: expected distance of handles from their targets, in bounding diagonals; small ones
+            follow the handles, large ones the prior. See HandleSolver.
         body: whether the body may turn and travel as a whole: "moves", "stays", or "auto", which
-            lets it once three handles hold it in space.
+            lets it once three handles fix it in space.
     """
 
     base: tuple[float, ...]
@@ -94,27 +101,27 @@ class Edit:
 
     @property
     def freedom(self) -> float:
-        """Freedom of the rigid motion, as HandleSolver takes it."""
-        free = len(self.handles) >= _HOLD if self.body == "auto" else self.body == "moves"
+        """Freedom of the rigid motion, see HandleSolver."""
+        free = len(self.handles) >= _FIXING if self.body == "auto" else self.body == "moves"
         return 1.0 if free else _STAYS
 
     def handle(self, number: int) -> Handle:
-        """The handle with an id."""
+        """Return the handle with an id."""
         return next(handle for handle in self.handles if handle.id == number)
 
     def with_handles(self, changed: Iterable[Handle]) -> Edit:
-        """Replace handles by id; new ids are added at the end."""
+        """Return the edit with handles replaced by their ids; those with new ids come last."""
         new = {handle.id: handle for handle in changed}
         kept = [new.pop(handle.id, handle) for handle in self.handles]
         return replace(self, handles=(*kept, *new.values()))
 
     def without(self, ids: Iterable[int]) -> Edit:
-        """Leave handles out."""
+        """Return the edit without some handles."""
         gone = set(ids)
         return replace(self, handles=tuple(h for h in self.handles if h.id not in gone))
 
     def arrays(self) -> tuple[list[int], list[Point], list[float], list[bool]]:
-        """Vertices, targets, weights and hardness of all handles, as the solver takes them."""
+        """Return what HandleSolver.set_handles needs: vertices, targets, weights, hardness."""
         rows = [
             (vertex, target, handle.weight if handle.kind == "soft" else 1.0, handle.kind != "soft")
             for handle in self.handles
@@ -126,7 +133,13 @@ class Edit:
 
 @dataclass(frozen=True)
 class Entry:
-    """A step of the history: what was done, what it led to, and its pose once that is known."""
+    """A step of the history.
+
+    Args:
+        label: what was done, in words for the user.
+        edit: the state that it led to.
+        solution: the pose of that state, once it has been solved for.
+    """
 
     label: str
     edit: Edit
@@ -135,7 +148,12 @@ class Entry:
 
 @dataclass(frozen=True)
 class ModelName:
-    """Which model a session belongs to: where it was, and the fingerprint of its contents."""
+    """Which model a session belongs to.
+
+    Args:
+        path: name of a shipped model, or where the model was.
+        fingerprint: of its contents, see DeformationModel.
+    """
 
     path: str
     fingerprint: str
@@ -151,7 +169,7 @@ class Session:
         model: which model is edited.
         entries: the history, never empty.
         cursor: the entry that is shown.
-        view: anything the window wants kept (camera, colours), as JSON values.
+        view: state of the window (camera, colours), as JSON values.
     """
 
     model: ModelName
@@ -166,7 +184,7 @@ class Session:
 
     @classmethod
     def begin(cls, model: ModelName, base: ArrayLike) -> Session:
-        """A new session at a latent code (K,)."""
+        """Return a new session at a latent code (K,)."""
         code = tuple(float(value) for value in np.asarray(base))
         return cls(model, [Entry("Start", Edit(code))])
 
@@ -177,16 +195,16 @@ class Session:
 
     @property
     def edit(self) -> Edit:
-        """The present state, with what is under way."""
+        """The present state, with changes that are not yet an entry."""
         return self.entry.edit if self._live is None else self._live
 
     @property
     def under_way(self) -> bool:
-        """Whether something has been changed and not yet committed."""
+        """True between `change` and `commit` or `revert`."""
         return self._live is not None
 
     def change(self, edit: Edit) -> None:
-        """Try a state; `commit` makes it an entry, `revert` takes it back."""
+        """Try a state; `commit` makes it an entry, `revert` drops it."""
         self._live = edit
 
     def revert(self) -> None:
@@ -194,7 +212,7 @@ class Session:
         self._live = None
 
     def commit(self, label: str, solution: Solution | None = None) -> bool:
-        """Make what is under way an entry; false if it has come to nothing."""
+        """Make what is under way an entry; return False if nothing is different."""
         edit, self._live = self.edit, None
         if edit == self.entry.edit:
             return False
@@ -218,41 +236,41 @@ class Session:
 
     @property
     def can_undo(self) -> bool:
-        """Whether there is something to undo."""
+        """True if there is a step to undo."""
         return self.cursor > 0 and not self.under_way
 
     @property
     def can_redo(self) -> bool:
-        """Whether there is something to redo."""
+        """True if there is a step to redo."""
         return self.cursor + 1 < len(self.entries) and not self.under_way
 
     def undo(self) -> Entry:
-        """Go one entry back; the one that is shown now."""
+        """Go one entry back; return the one that is shown now."""
         self.cursor -= self.can_undo
         return self.entry
 
     def redo(self) -> Entry:
-        """Go one entry forth; the one that is shown now."""
+        """Go one entry forth; return the one that is shown now."""
         self.cursor += self.can_redo
         return self.entry
 
     @property
     def changed(self) -> bool:
-        """Whether something would be lost without saving."""
+        """True if something would be lost without saving."""
         return self.under_way or self._saved is not self.entry
 
     def mark_unsaved(self) -> None:
-        """Count as unsaved, as what a crash has left does."""
+        """Count the session as unsaved, as after a crash."""
         self._saved = None
 
     def next_id(self) -> int:
-        """An id that no handle of the history has."""
+        """Return an id that no handle of the history has."""
         used = [h.id for entry in self.entries for h in entry.edit.handles]
         used += [h.id for h in self.edit.handles]
         return max(used, default=0) + 1
 
     def summary(self) -> dict[str, Any]:
-        """What came of it, for other programs: targets as `deformer fit` reads them, and the code.
+        """Return the result for other programs: targets as `deformer fit` reads them, and the code.
 
         `z` is None where the pose has not been solved for.
         """
@@ -277,7 +295,7 @@ class Session:
             io.write_json(temporary, self._as_json())
 
     def _as_json(self) -> dict[str, Any]:
-        """Handles and bases are listed once; entries name them by their place."""
+        """Return the file's contents: each handle and base once, and entries with their indices."""
         handles: dict[Handle, int] = {}
         bases: dict[tuple[float, ...], int] = {}
         entries = []
@@ -365,7 +383,7 @@ class Session:
 
 
 def point(values: Any) -> Point:
-    """Three numbers as a tuple of floats."""
+    """Return three numbers as a tuple of floats."""
     x, y, z = (float(value) for value in values)
     return (x, y, z)
 

@@ -1,4 +1,4 @@
-"""What the program remembers between two starts: recent files, the tour, work that a crash left."""
+"""What the program remembers between two starts: recent files, the tour, work left by a crash."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from deformer import InputError, io
 _RECENT = 10
 
 
-class Places:
-    """The program's own folder.
+class Settings:
+    """Settings and autosaves in the program's own folder.
 
     Args:
         folder: by default the one that the system has for settings.
@@ -27,8 +27,8 @@ class Places:
             os.environ.get("DEFORMER_SETTINGS") or typer.get_app_dir("deformer")
         )
         self.folder.mkdir(parents=True, exist_ok=True)
-        self._settings = self.folder / "settings.json"
-        # The system gives a lock back when its process ends, however it ends.
+        self._file = self.folder / "settings.json"
+        # The system releases a lock when its process ends, however it ends.
         self._lock: FileLock | None = None
         self.autosave = self.folder / "autosave.json"
         for number in range(1000):
@@ -45,19 +45,19 @@ class Places:
             break
 
     def _read(self) -> dict[str, Any]:
-        if not self._settings.is_file():
+        if not self._file.is_file():
             return {}
         try:
-            return io.read_json(self._settings)
+            return io.read_json(self._file)
         except InputError:
-            return {}  # settings are a comfort: damaged ones are begun anew
+            return {}  # no work is lost with settings: damaged ones start anew
 
     def _write(self, **changes: Any) -> None:
-        io.write_json(self._settings, {**self._read(), **changes})
+        io.write_json(self._file, {**self._read(), **changes})
 
     @property
     def recent(self) -> list[str]:
-        """Models and sessions opened last, the latest first."""
+        """Paths of the models and sessions opened last, the latest first."""
         return [str(name) for name in self._read().get("recent", [])]
 
     def remember(self, path: str) -> None:
@@ -67,25 +67,25 @@ class Places:
 
     @property
     def layout(self) -> tuple[str, str]:
-        """Where the window and its docks were, as the window has noted it; empty at first."""
+        """Geometry of the window and of its docks, as the window has noted it; empty at first."""
         geometry, docks = self._read().get("layout", ("", ""))
         return str(geometry), str(docks)
 
     def note_layout(self, geometry: str, docks: str) -> None:
-        """Remember where the window and its docks are."""
+        """Remember the geometry of the window and of its docks."""
         self._write(layout=[geometry, docks])
 
     @property
     def tour_seen(self) -> bool:
-        """Whether the tour has been shown."""
+        """True once the tour has been shown."""
         return bool(self._read().get("tour_seen"))
 
     def note_tour(self) -> None:
-        """The tour has been shown."""
+        """Remember that the tour has been shown."""
         self._write(tour_seen=True)
 
     def left_by_crash(self) -> Path | None:
-        """The newest autosave of a run that has not ended well."""
+        """Return the newest autosave of a run that has not ended well, or None."""
         found = []
         for path in self.folder.glob("autosave-*.json"):
             lock = FileLock(f"{path}.lock")
@@ -93,7 +93,7 @@ class Places:
                 with lock.acquire(timeout=0):
                     found.append(path)
             except Timeout:
-                continue  # another window is at work on it
+                continue  # another window writes it
         own = [path for path in found if path != self.autosave]
         return max(own, key=lambda path: path.stat().st_mtime, default=None)
 
@@ -102,7 +102,7 @@ class Places:
         path.unlink(missing_ok=True)
 
     def close(self) -> None:
-        """All is well: no autosave is left behind."""
+        """End well: leave no autosave behind."""
         self.forget(self.autosave)
         if self._lock is not None:
             self._lock.release()

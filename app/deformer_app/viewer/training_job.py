@@ -1,4 +1,4 @@
-"""Training beside the window: progress to look at, a flag to stop it."""
+"""Training in the background of the window: its progress, and a flag to stop it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class TrainingJob:
 
     @property
     def cancelled(self) -> bool:
-        """Whether the user has stopped it."""
+        """True once the user has stopped it."""
         return self._stop
 
     def _run(self, source: Path, components: int, epochs: int | None, up: str) -> None:

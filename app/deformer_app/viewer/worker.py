@@ -1,4 +1,4 @@
-"""Work beside the window, which never waits for it.
+"""Work in the background of the window, which never waits for it.
 
 A thread answers the latest request; whatever was asked in between is forgotten. The window writes
 one slot, the thread another: neither waits for the other, and a fast drag leaves no backlog.
@@ -11,16 +11,21 @@ from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
+from deformer import InputError
+
 Request = TypeVar("Request")
 Answer = TypeVar("Answer")
 Result = TypeVar("Result")
 
 
-def beside(work: Callable[[], Result]) -> Generator[None, None, Result]:
-    """Run `work` on a thread of its own; every step looks whether it is done.
+def in_background(work: Callable[[], Result]) -> Generator[None, None, Result]:
+    """Run `work` on a thread of its own; every step of the generator looks whether it is done.
 
     Returns:
-        What `work` has returned, or its exception is raised.
+        What `work` has returned.
+
+    Raises:
+        Exception: what `work` has raised.
     """
     results: list[Result] = []
     errors: list[Exception] = []
@@ -31,13 +36,42 @@ def beside(work: Callable[[], Result]) -> Generator[None, None, Result]:
         except Exception as error:
             errors.append(error)
 
-    thread = threading.Thread(target=run, name="work", daemon=True)
+    thread = threading.Thread(target=run, name="background", daemon=True)
     thread.start()
     while thread.is_alive():
         yield
     if errors:
         raise errors[0]
     return results[0]
+
+
+class Jobs:
+    """Work on the window's thread that goes on by a step at a time, each job in its turn."""
+
+    def __init__(self) -> None:
+        """Begin without work."""
+        self._jobs: list[Iterator[None]] = []
+
+    def __bool__(self) -> bool:
+        """Return True while there is work left."""
+        return bool(self._jobs)
+
+    def add(self, job: Iterator[None]) -> None:
+        """Do a step of `job` with every `step`, until it ends."""
+        self._jobs.append(job)
+
+    def step(self) -> list[Exception]:
+        """Do a step of every job; return what ended any of them by an exception."""
+        errors: list[Exception] = []
+        for job in tuple(self._jobs):
+            try:
+                next(job)
+            except StopIteration:
+                self._jobs.remove(job)
+            except (InputError, OSError) as error:
+                self._jobs.remove(job)
+                errors.append(error)
+        return errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,11 +86,11 @@ class SolverThread(Generic[Request, Answer]):
     """Runs `answer` on the newest request.
 
     Args:
-        answer: gives the answers to a request, one better than the other; they stop being asked
-            for when a newer request is there. It always runs on this one thread.
-        notify: called on the thread when there is something to `take`; it must return at once.
-        patience: seconds to wait for a newer request before the first answer is improved on: what
-            is improved while the mouse moves is never seen, and is in the way.
+        answer: yields answers to a request, each better than the last; the thread asks for no
+            more of them once a newer request is there. It always runs on this one thread.
+        notify: called on the thread when there is an answer or a failure; must return at once.
+        patience: seconds to wait for a newer request before the first answer is improved on: a
+            better pose while the mouse moves is never seen, and delays the next one.
     """
 
     def __init__(
@@ -77,35 +111,40 @@ class SolverThread(Generic[Request, Answer]):
 
     @property
     def busy(self) -> bool:
-        """Whether an answer or a failure is still to come or to be taken."""
+        """True while an answer or a failure is still to come or to be fetched."""
         with self._changed:
             there = self._answered is not None or bool(self._failures)
             return there or self._working or self._pending is not None
 
     def ask(self, request: Request) -> None:
-        """Put a request in the place of one that has not been begun."""
+        """Hand over a request; it replaces one that has not been begun."""
         with self._changed:
             self._pending = request
             self._changed.notify()
 
-    def take(self) -> Answer | None:
-        """The newest answer, once."""
+    def newest(self) -> Answer | None:
+        """Return the newest answer, once; None if there is no new one."""
         with self._changed:
             answer, self._answered = self._answered, None
             return answer
 
     def failures(self) -> list[Failure[Request]]:
-        """All failures since the last call."""
+        """Return all failures since the last call."""
         with self._changed:
             failures, self._failures = self._failures, []
             return failures
 
-    def close(self, seconds: float = 5.0) -> None:
-        """End the thread after the answer under way; wait for it at most so long."""
+    def close(self, seconds: float = 5.0) -> bool:
+        """End the thread after the answer under way; wait for that at most so long.
+
+        Returns:
+            True if the thread has ended.
+        """
         with self._changed:
             self._closed = True
             self._changed.notify()
         self._thread.join(seconds)
+        return not self._thread.is_alive()
 
     def _run(self) -> None:
         while True:

@@ -10,7 +10,7 @@ from bars import bar_mesh
 from deformer import InputError, Mesh
 from deformer_app.rendering.camera import Camera, aim, upright_axes
 from deformer_app.rendering.offscreen import (
-    HandleMarks,
+    HandleGlyphs,
     Layer,
     contact_sheet,
     render,
@@ -135,7 +135,7 @@ def test_handles_appear_where_they_project_in_their_colour(bar, camera):
     positions = bar.vertices[[0, 100, -1]] + 0.25 * forward
     targets = positions.copy()
     targets[1] += (0.15, 0.1, 0)
-    image = render(bar, camera, SIZE, HandleMarks(positions, targets, [True, False, False]))
+    image = render(bar, camera, SIZE, HandleGlyphs(positions, targets, [True, False, False]))
     colors = [PINNED, HANDLE, HANDLE, TARGET]
     points = camera.project([*positions, targets[1]], SIZE)
     for color, (x, y) in zip(colors, points, strict=True):
@@ -148,7 +148,7 @@ def test_handles_appear_where_they_project_in_their_colour(bar, camera):
 
 def test_a_target_that_is_met_is_not_drawn(bar, camera):
     position = bar.vertices[[100]] + 0.25 * camera.axes()[2]
-    met = render(bar, camera, SIZE, HandleMarks(position, position))
+    met = render(bar, camera, SIZE, HandleGlyphs(position, position))
     assert not (hue_distance(met, TARGET) < 0.12).any()
 
 

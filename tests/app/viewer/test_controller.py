@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 
 from deformer_app.rendering.camera import Camera
-from deformer_app.viewer.controller import Controller, Hover, Keys
+from deformer_app.viewer.controller import Controller
+from deformer_app.viewer.events import (
+    ButtonPressed,
+    ButtonReleased,
+    Keys,
+    MouseLeft,
+    MouseMoved,
+    WheelTurned,
+)
 from deformer_app.viewer.gizmo import Gizmo
+from deformer_app.viewer.stage import Hover
 
 SIZE = (400, 400)
 FREE, SHIFT, CONTROL, ALT = Keys(), Keys(shift=True), Keys(control=True), Keys(alt=True)
@@ -18,7 +27,7 @@ class Stage:
 
     def __init__(self):
         self.camera = Camera((0.0, 0.0, 10.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-        self.size, self.sky, self.mode = SIZE, (0.0, 1.0, 0.0), "drag"
+        self.size, self.sky, self.tool = SIZE, (0.0, 1.0, 0.0), "drag"
         self.gizmo_shown = False
         self.handles: dict[int, np.ndarray] = {}
         self.selected: frozenset[int] = frozenset()
@@ -87,16 +96,17 @@ class Stage:
             self.handles, self.before, self.grasped = self.before, None, None
         self.log.append("revert")
 
-    def rubber_band(self, low, high):
-        self.log.append(("band", low, high))
+    def show_box(self, corners):
+        self.log.append(("box", corners))
 
-    def brush(self, vertex):
+    def paint_region(self, vertex):
         self.log.append(("brush", vertex))
 
     def finish_region(self, add):
         self.log.append("region")
 
-    def camera_moved(self):
+    def set_camera(self, camera):
+        self.camera = camera
         self.log.append("camera")
 
 
@@ -110,17 +120,29 @@ def controller(stage):
     return Controller(stage)
 
 
+def press(controller, button, at, keys=FREE):
+    controller.handle(ButtonPressed(button, at, keys))
+
+
+def move(controller, at, keys=FREE):
+    controller.handle(MouseMoved(at, keys))
+
+
+def release(controller, button, at, keys=FREE):
+    controller.handle(ButtonReleased(button, at, keys))
+
+
 def drag(controller, start, end, keys=FREE, button="left", steps=10):
-    controller.press(button, start, keys)
+    press(controller, button, start, keys)
     for n in range(1, steps + 1):
         share = n / steps
-        controller.move(tuple((1 - share) * np.array(start) + share * np.array(end)), keys)
-    controller.release(button, end, keys)
+        move(controller, tuple((1 - share) * np.array(start) + share * np.array(end)), keys)
+    release(controller, button, end, keys)
 
 
 def click(controller, at, keys=FREE):
-    controller.press("left", at, keys)
-    controller.release("left", at, keys)
+    press(controller, "left", at, keys)
+    release(controller, "left", at, keys)
 
 
 def pixel_of(stage, handle):
@@ -128,26 +150,26 @@ def pixel_of(stage, handle):
 
 
 def test_the_vertex_lights_up_before_the_click(stage, controller):
-    controller.move((210, 190))
+    move(controller, (210, 190))
     assert stage.hovers[-1] == Hover(vertex=210190)
-    controller.move((20, 20))
+    move(controller, (20, 20))
     assert stage.hovers[-1] == Hover()
-    controller.move((210, 190))
-    controller.leave()
+    move(controller, (210, 190))
+    controller.handle(MouseLeft())
     assert stage.hovers[-1] == Hover()
 
 
 def test_a_click_places_the_vertex_that_was_lit(stage, controller):
-    controller.move((210, 190))
+    move(controller, (210, 190))
     click(controller, (210, 190))
     assert stage.log == [("place", 210190), ("commit", "Place handle")]
     assert stage.selected == {1}
 
 
 def test_a_trembling_click_is_a_click(stage, controller):
-    controller.press("left", (210, 190))
-    controller.move((212, 193))
-    controller.release("left", (211, 192))
+    press(controller, "left", (210, 190))
+    move(controller, (212, 193))
+    release(controller, "left", (211, 192))
     assert stage.log == [("place", 210190), ("commit", "Place handle")]
 
 
@@ -193,10 +215,10 @@ def test_dragging_a_handle_brings_it_under_the_mouse(stage, controller):
 
 def test_shift_makes_a_finer_step_from_where_it_is_pressed(stage, controller):
     click(controller, (210, 190))
-    controller.press("left", (210, 190))
-    controller.move((250, 190))
-    controller.move((350, 190), SHIFT)
-    controller.release("left", (350, 190), SHIFT)
+    press(controller, "left", (210, 190))
+    move(controller, (250, 190))
+    move(controller, (350, 190), SHIFT)
+    release(controller, "left", (350, 190), SHIFT)
     np.testing.assert_allclose(pixel_of(stage, 1), [260, 190], atol=1e-6)
 
 
@@ -214,7 +236,7 @@ def test_a_box_selects_what_is_inside(stage, controller):
         click(controller, at)
     drag(controller, (140, 150), (210, 250), CONTROL)
     assert stage.selected == {1, 2}
-    assert stage.log[-1] == ("band", None, None)
+    assert stage.log[-1] == ("box", None)
     drag(controller, (260, 210), (240, 190), Keys(control=True, shift=True))
     assert stage.selected == {1, 2, 3}
 
@@ -235,7 +257,7 @@ def test_the_manipulator_moves_exactly_along_an_axis(stage, controller):
     stage.gizmo_shown = True
     before = stage.handles[1].copy()
     tip = stage.camera.project(stage.gizmo.outline("x", stage.camera, SIZE), SIZE)[1]
-    controller.move(tuple(tip))
+    move(controller, tuple(tip))
     assert stage.hovers[-1] == Hover(part="x")
     drag(controller, tuple(tip), (tip[0] + 40, tip[1] + 90))
     moved = stage.handles[1] - before
@@ -247,37 +269,37 @@ def test_the_manipulator_moves_exactly_along_an_axis(stage, controller):
 @pytest.mark.parametrize("where", [(210, 190), (20, 20)])
 def test_escape_takes_a_drag_back(stage, controller, where):
     camera = stage.camera
-    controller.press("left", where)
-    controller.move((where[0] + 50, where[1]))
+    press(controller, "left", where)
+    move(controller, (where[0] + 50, where[1]))
     assert controller.dragging
     assert controller.cancel()
     assert not controller.dragging and not controller.cancel()
     assert stage.handles == {} and stage.camera == camera
-    controller.release("left", where)
+    release(controller, "left", where)
     assert not any(entry[0] == "commit" for entry in stage.log if entry != "revert")
 
 
 def test_a_second_button_does_not_disturb_a_drag(stage, controller):
-    controller.press("left", (210, 190))
-    controller.move((230, 190))
-    controller.press("right", (230, 190))
-    controller.move((250, 190))
-    controller.release("right", (250, 190))
+    press(controller, "left", (210, 190))
+    move(controller, (230, 190))
+    press(controller, "right", (230, 190))
+    move(controller, (250, 190))
+    release(controller, "right", (250, 190))
     assert controller.dragging
-    controller.release("left", (250, 190))
+    release(controller, "left", (250, 190))
     np.testing.assert_allclose(pixel_of(stage, 1), [250, 190], atol=1e-6)
     assert stage.camera == Stage().camera
 
 
 def test_the_wheel_zooms_to_the_cursor(stage, controller):
     under = stage.camera.unproject((300, 100), 10.0, SIZE)
-    controller.wheel(2.0, (300, 100))
+    controller.handle(WheelTurned(2.0, (300, 100)))
     assert stage.camera.depths([(0, 0, 0)])[0] < 10
     np.testing.assert_allclose(stage.camera.project([under], SIZE)[0], [300, 100], atol=1e-6)
 
 
 def test_painting_strokes_vertices_and_ends_in_a_region(stage, controller):
-    stage.mode = "paint"
+    stage.tool = "paint"
     drag(controller, (190, 200), (210, 200), steps=4)
     brushed = [entry[1] for entry in stage.log if entry[0] == "brush"]
     assert brushed[0] == 190200 and brushed[-1] == 210200

@@ -1,6 +1,9 @@
 """The editor on an off-screen plotter: what a person does with the mouse, and what comes of it."""
 
 import json
+import subprocess
+import sys
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -15,18 +18,21 @@ from deformer import InputError, io
 from deformer_app.rendering.animation import save_animation
 from deformer_app.rendering.offscreen import off_screen
 from deformer_app.viewer import recording
-from deformer_app.viewer.controller import Hover
+from deformer_app.viewer.changes import FrameDrawn, MistakeMade, NoticeGiven
 from deformer_app.viewer.editor import Editor
-from deformer_app.viewer.events import listen
+from deformer_app.viewer.exports import export_handles, export_pose, save_screenshot
 from deformer_app.viewer.gizmo import rotation
-from deformer_app.viewer.pose_worker import Poser, replay
+from deformer_app.viewer.model_files import start_codes
+from deformer_app.viewer.pose_worker import PoseWorker, replay
 from deformer_app.viewer.recording import Recorder, save_turntable
 from deformer_app.viewer.scene import MeshView
 from deformer_app.viewer.session import Handle, Session
-from deformer_app.viewer.settings import Places
-from deformer_app.viewer.worker import beside
+from deformer_app.viewer.settings import Settings
+from deformer_app.viewer.stage import Hover
+from deformer_app.viewer.vtk_input import listen
+from deformer_app.viewer.worker import in_background
 from shapes import sequence, small_model
-from waiting import wait_for
+from waiting import HANG, wait_for
 
 SIZE = (480, 360)
 
@@ -39,12 +45,18 @@ def model_path(tmp_path_factory):
 
 
 @pytest.fixture
-def editor(model_path):
+def screen():
+    """Pixels of the screen along each side of one that a person aims at; may be changed."""
+    return [1.0]
+
+
+@pytest.fixture
+def editor(model_path, screen):
     with off_screen():
         plotter = pv.Plotter(off_screen=True, window_size=list(SIZE), lighting="none")
         plotter.show(auto_close=False)
-    work = Editor(MeshView(plotter))
-    listen(work.view, work.controller)
+    work = Editor(MeshView(plotter, density=lambda: screen[0]))
+    listen(work.state.view, work.controller.handle)
     work.open_model(model_path)
     finish(work)
     yield work
@@ -58,8 +70,21 @@ def finish(editor):
     wait_for(lambda: not editor.busy, editor.tick, pause=0.001)
 
 
+@pytest.fixture
+def heard(editor):
+    """All changes that the editor has told of."""
+    changes = []
+    editor.on_change.append(changes.append)
+    return changes
+
+
+def texts(changes, kind):
+    """What the user has been told by one kind of change."""
+    return [change.text for change in changes if isinstance(change, kind)]
+
+
 def event(editor, name, pixel, shift=False, control=False):
-    interactor = editor.view.plotter.iren.interactor
+    interactor = editor.state.view.plotter.iren.interactor
     x, y = pixel
     interactor.SetEventInformation(int(x), SIZE[1] - 1 - int(y), control, shift)
     interactor.InvokeEvent(name)
@@ -79,16 +104,16 @@ def mouse(editor, start, end=None, shift=False, button="Left", steps=8):
 
 def seen(editor, wanted):
     """A vertex that is seen at a share of the tube's length, and its pixel."""
-    pixels = np.floor(editor.camera.project(editor.vertices, SIZE)) + 0.5
+    pixels = np.floor(editor.state.camera.project(editor.vertices, SIZE)) + 0.5
     for vertex in np.argsort(np.abs(editor.vertices[:, 0] - 2 * wanted)):
-        if editor.vertex_at(pixels[vertex]) == vertex:
+        if editor.stage.vertex_at(pixels[vertex]) == vertex:
             return int(vertex), pixels[vertex]
     raise AssertionError("no vertex is seen there")
 
 
 def first_face(editor, pixel):
     """The face that a line of sight meets first, found by solving for every face; or None."""
-    ray = editor.camera.ray(pixel, SIZE)
+    ray = editor.state.camera.ray(pixel, SIZE)
     faces = editor.model.reference.faces
     a, b, c = (editor.vertices[faces[:, corner]] for corner in range(3))
     system = np.stack([b - a, c - a, np.broadcast_to(-ray.direction, a.shape)], axis=2)
@@ -99,9 +124,9 @@ def first_face(editor, pixel):
 
 def test_it_opens_with_the_reference_in_view(editor):
     assert not editor.preparing
-    reference = editor.model.decode(editor.start_codes()["Reference"])
+    reference = editor.model.decode(start_codes(editor.model)["Reference"])
     np.testing.assert_allclose(editor.vertices, reference, atol=1e-4)
-    pixels = editor.camera.project(editor.vertices, SIZE)
+    pixels = editor.state.camera.project(editor.vertices, SIZE)
     assert (pixels > 0).all() and (pixels < SIZE).all()
     assert not editor.session.changed
 
@@ -109,7 +134,7 @@ def test_it_opens_with_the_reference_in_view(editor):
 def test_the_hovered_vertex_is_the_one_that_is_placed_and_it_is_in_front(editor):
     vertex, at = seen(editor, 0.5)
     event(editor, "MouseMoveEvent", at)
-    assert editor.hovered.vertex == vertex
+    assert editor.state.hovered.vertex == vertex
     mouse(editor, at)
     (handle,) = editor.edit.handles
     assert handle.vertices == (vertex,)
@@ -124,7 +149,7 @@ def test_no_vertex_of_the_back_side_is_ever_offered(editor):
     hits = misses = 0
     for x in range(20, SIZE[0], 14):
         for y in range(20, SIZE[1], 14):
-            vertex, face = editor.vertex_at((x, y)), first_face(editor, (x, y))
+            vertex, face = editor.stage.vertex_at((x, y)), first_face(editor, (x, y))
             if vertex is None or face is None:
                 misses += vertex is not None or face is not None  # the very rim of a face
                 continue
@@ -138,23 +163,23 @@ def test_a_drag_brings_the_vertex_under_the_mouse_and_is_one_step(editor):
     vertex, at = seen(editor, 0.95)
     goal = at + np.array([-25, -40])
     mouse(editor, at, goal)
-    there = editor.camera.project(editor.vertices[[vertex]], SIZE)[0]
-    target = editor.camera.project([editor.edit.handles[0].centre], SIZE)[0]
+    there = editor.state.camera.project(editor.vertices[[vertex]], SIZE)[0]
+    target = editor.state.camera.project([editor.edit.handles[0].centre], SIZE)[0]
     np.testing.assert_allclose(target, goal, atol=1.5)
     assert np.hypot(*(there - goal)) < 0.5 * np.hypot(25, 40), "the prior resists a little"
     editor.set_kind("exact")
     finish(editor)
-    there = editor.camera.project(editor.vertices[[vertex]], SIZE)[0]
+    there = editor.state.camera.project(editor.vertices[[vertex]], SIZE)[0]
     np.testing.assert_allclose(there, goal, atol=1.5)
     assert [entry.label for entry in editor.session.entries] == [
         "Start", "Place and drag", "Make exact"]  # fmt: skip
 
 
 def test_orbiting_leaves_no_handle_behind(editor):
-    camera = editor.camera
+    camera = editor.state.camera
     mouse(editor, (8, 8), (240, 180))
     mouse(editor, (240, 180), (300, 150), button="Right")
-    assert editor.camera != camera
+    assert editor.state.camera != camera
     assert editor.edit.handles == () and len(editor.session.entries) == 1
 
 
@@ -192,7 +217,7 @@ def test_escape_takes_a_drag_back(editor):
     assert editor.edit.handles == () and not editor.session.changed
 
 
-def bent(editor):
+def deform(editor):
     """Two handles, one of them exact and far from the examples, a moved slider and camera."""
     for share, step in ((0.95, (-60, -90)), (0.05, (5, 10))):
         _, at = seen(editor, share)
@@ -209,7 +234,7 @@ def test_a_session_replays_to_the_same_mesh_on_the_command_line(editor, tmp_path
     from deformer_app import console
     from deformer_app.cli import main as cli
 
-    bent(editor)
+    deform(editor)
     file, out = tmp_path / "session.json", tmp_path / "pose.ply"
     editor.save_session(file)
     assert not editor.session.changed
@@ -218,21 +243,25 @@ def test_a_session_replays_to_the_same_mesh_on_the_command_line(editor, tmp_path
     diagonal = editor.model.reference.bounding_diagonal
     replayed = io.load_mesh(out).vertices
     assert np.abs(replayed - editor.vertices).max() < 1e-6 * diagonal
-    editor.export_pose(tmp_path / "here.ply")
+    export_pose(editor, tmp_path / "here.ply")
     np.testing.assert_array_equal(io.load_mesh(tmp_path / "here.ply").vertices, editor.vertices)
 
 
 def test_opening_a_session_brings_everything_back(editor, tmp_path):
-    bent(editor)
+    deform(editor)
     editor.change_look(wireframe=True, dark=True, ghost="reference")
     finish(editor)
-    before, camera, entries = editor.vertices.copy(), editor.camera, editor.session.entries
+    before, camera, entries = editor.vertices.copy(), editor.state.camera, editor.session.entries
     editor.save_session(tmp_path / "a.json")
     editor.open_session(tmp_path / "a.json")
     finish(editor)
     np.testing.assert_allclose(editor.vertices, before, atol=1e-6)
-    assert editor.camera == camera and editor.session.entries == entries
-    assert editor.look.wireframe and editor.look.dark and editor.look.ghost == "reference"
+    assert editor.state.camera == camera and editor.session.entries == entries
+    assert (
+        editor.state.look.wireframe
+        and editor.state.look.dark
+        and editor.state.look.ghost == "reference"
+    )
     editor.undo()
     finish(editor)
     assert np.abs(editor.vertices - before).max() > 1e-4
@@ -248,7 +277,7 @@ def test_a_session_of_another_model_is_refused(editor, tmp_path):
 
 
 def test_a_session_without_a_noted_pose_is_solved_for(editor):
-    bent(editor)
+    deform(editor)
     session = editor.session
     session.entries[session.cursor] = replace(session.entry, solution=None)
     pose = replay(session, editor.model)
@@ -261,12 +290,12 @@ def test_a_pin_stays_and_drags_leave_it(editor):
     mouse(editor, at)
     editor.set_kind("pin")
     finish(editor)
-    place = editor.vertices[vertex].copy()
+    before = editor.vertices[vertex].copy()
     mouse(editor, at, at + np.array([40, 40]))
-    np.testing.assert_allclose(editor.edit.handles[0].targets[0], place, atol=1e-6)
+    np.testing.assert_allclose(editor.edit.handles[0].targets[0], before, atol=1e-6)
     _, far = seen(editor, 0.95)
     mouse(editor, far, far + np.array([-30, -50]))
-    np.testing.assert_allclose(editor.vertices[vertex], place, atol=1e-5)
+    np.testing.assert_allclose(editor.vertices[vertex], before, atol=1e-5)
 
 
 def test_numbers_move_the_selection_exactly(editor):
@@ -278,17 +307,17 @@ def test_numbers_move_the_selection_exactly(editor):
 
 
 def test_a_painted_region_moves_and_turns_as_one(editor):
-    editor.set_mode("paint")
-    editor.brush_radius = 0.15
+    editor.state.set_tool("paint")
+    editor.stage.brush.radius = 0.15
     _, at = seen(editor, 0.9)
     mouse(editor, at, at + np.array([6, 0]), steps=2)
     (region,) = editor.edit.handles
     assert (
         region.is_region and len(region.vertices) > 3 and set(region.vertices) <= set(region.patch)
     )
-    assert editor.mode == "drag" and editor.selected == {region.id}
-    editor.set_gizmo("rotate")
-    assert editor.gizmo.mode == "rotate"
+    assert editor.state.tool == "drag" and editor.selected == {region.id}
+    editor.state.set_gizmo("rotate")
+    assert editor.stage.gizmo.mode == "rotate"
     turn = rotation(region.centre, [0.0, 0.0, 0.3])
     editor.move_selected(turn)
     editor.commit("Rotate")
@@ -303,9 +332,9 @@ def test_a_painted_region_moves_and_turns_as_one(editor):
 def test_the_brush_grows_and_shrinks(editor):
     painted = []
     for factor in (1.0, 3.0):
-        editor.resize_brush(factor)
-        editor.brush(60)
-        editor.finish_region()
+        editor.stage.brush.resize(factor)
+        editor.stage.paint_region(60)
+        editor.stage.finish_region(add=False)
         painted.append(len(editor.edit.handles[-1].patch))
     assert painted[0] < painted[1]
 
@@ -316,17 +345,17 @@ def test_several_handles_turn_and_grow_about_their_centre(editor, mode):
         editor.place(vertex, add=True)
     editor.commit("Place handle")
     finish(editor)
-    editor.set_gizmo(mode)
+    editor.state.set_gizmo(mode)
     finish(editor)
     before = np.array([handle.centre for handle in editor.edit.handles])
     part = {"rotate": "rz", "scale": "s"}[mode]
-    outline = editor.gizmo.outline(part, editor.camera, SIZE)
-    line = editor.camera.project(outline, SIZE)
+    outline = editor.stage.gizmo.outline(part, editor.state.camera, SIZE)
+    line = editor.state.camera.project(outline, SIZE)
     at = next(
         pixel
         for pixel in line
-        if editor.gizmo.part_at(pixel, editor.camera, SIZE) == part
-        and editor.handle_at(pixel) is None
+        if editor.stage.gizmo.part_at(pixel, editor.state.camera, SIZE) == part
+        and editor.stage.handle_at(pixel) is None
     )
     mouse(editor, at, at + (np.array([20, 25]) if mode == "rotate" else np.array([60, 0])))
     after = np.array([handle.centre for handle in editor.edit.handles])
@@ -341,47 +370,44 @@ def test_several_handles_turn_and_grow_about_their_centre(editor, mode):
         np.testing.assert_allclose(now, 2**0.5 * was, rtol=1e-6)
 
 
-def test_looking_around_never_waits_for_a_slow_solver(editor, monkeypatch):
-    class Stuck:
-        busy = True
+def test_looking_around_never_waits_for_a_slow_solver(editor, monkeypatch, heard):
+    """The solver has begun and does not end before two frames have been drawn."""
+    begun, gate, solve = threading.Event(), threading.Event(), deformer.HandleSolver.solve
 
-        def take(self):
-            return None
-
-        def failures(self):
-            return []
-
-        def close(self, seconds=0.0):
-            pass
-
-    thread = editor._thread
-    monkeypatch.setattr(editor, "_thread", Stuck())
-    frames = []
-    editor.on_frame = lambda: frames.append(1)
+    def slow(*arguments, **options):
+        begun.set()
+        assert gate.wait(HANG)
+        return solve(*arguments, **options)
 
     def look_around():
-        editor.camera = editor.camera.orbited(1.0, 0.0, editor.sky)
-        editor.camera_moved()
+        editor.state.set_camera(editor.state.camera.orbited(1.0, 0.0, editor.state.sky))
         editor.tick()
 
-    wait_for(lambda: len(frames) >= 2, look_around)
-    thread.close()
+    monkeypatch.setattr(deformer.HandleSolver, "solve", slow)
+    try:
+        editor.place(60)
+        assert begun.wait(HANG)
+        heard.clear()
+        wait_for(lambda: heard.count(FrameDrawn()) >= 2, look_around)
+        assert editor.answer.request.edit != editor.edit
+    finally:
+        gate.set()
 
 
 def test_mirroring_copies_handles_to_the_other_side(editor):
-    editor.tell_symmetry("z")
+    editor.plane.set_across("z")
     vertex, at = seen(editor, 0.9)
     mouse(editor, at, at + np.array([0, -20]))
     (first,) = editor.edit.handles
     editor.mirror()
     finish(editor)
-    opposite = editor.symmetry.opposite[vertex]
+    opposite = editor.plane.symmetry.opposite[vertex]
     if opposite == vertex:
         assert len(editor.edit.handles) == 1
     else:
         second = editor.edit.handles[1]
         assert second.vertices == (opposite,)
-        np.testing.assert_allclose(second.centre, editor.symmetry.mirror(first.centre))
+        np.testing.assert_allclose(second.centre, editor.plane.symmetry.mirror(first.centre))
         editor.select([first.id])
         editor.mirror()
         assert len(editor.edit.handles) == 2, "what is there already moves"
@@ -390,7 +416,7 @@ def test_mirroring_copies_handles_to_the_other_side(editor):
 def test_the_suggested_handle_is_the_most_telling_one(editor):
     editor.suggest()
     finish(editor)
-    assert editor.look.colour == "uncertainty"
+    assert editor.state.look.colour == "uncertainty"
     wanted = editor.answer.suggestion
     assert wanted is not None
     editor.suggest()
@@ -424,7 +450,7 @@ def test_a_slider_waits_for_the_end_of_a_drag(editor):
 
 
 def test_starting_from_training_shapes_and_meshes(editor, tmp_path):
-    codes = editor.start_codes()
+    codes = start_codes(editor.model)
     assert len([name for name in codes if name.startswith("Shape")]) == len(editor.model.codes)
     editor.start_from("Shape 3", codes["Shape 3"])
     finish(editor)
@@ -457,10 +483,10 @@ def test_a_target_gives_errors_and_e_rms(editor, tmp_path):
 def test_every_colouring_can_be_seen(editor, colour):
     _, at = seen(editor, 0.95)
     mouse(editor, at, at + np.array([-25, -40]))
-    before = editor.view.picture().astype(int)
+    before = editor.state.view.picture().astype(int)
     editor.change_look(colour=colour)
     finish(editor)
-    changed = (np.abs(editor.view.picture() - before).max(axis=2) > 24).mean()
+    changed = (np.abs(editor.state.view.picture() - before).max(axis=2) > 24).mean()
     assert (changed > 0.01) == (colour != "plain")
 
 
@@ -469,13 +495,13 @@ def test_handles_leave_for_the_command_line_and_come_out_the_same(editor, tmp_pa
     mouse(editor, at, at + np.array([-20, -30]))
     editor.set_weight(2.5)
     editor.commit("Weight")
-    editor.export_handles(tmp_path / "h.json")
+    export_handles(editor, tmp_path / "h.json")
     (row,) = io.load_handles(tmp_path / "h.json", 120).frames[0]
     handle = editor.edit.handles[0]
     assert (row.vertex, row.position, row.weight) == (handle.vertices[0], handle.targets[0], 2.5)
     editor.clear()
     with pytest.raises(InputError, match="no handles"):
-        editor.export_handles(tmp_path / "h.json")
+        export_handles(editor, tmp_path / "h.json")
 
 
 def test_anti_aliasing_is_off_while_moving_and_back_at_rest(editor):
@@ -484,16 +510,13 @@ def test_anti_aliasing_is_off_while_moving_and_back_at_rest(editor):
     event(editor, "LeftButtonPressEvent", at)
     event(editor, "MouseMoveEvent", at + np.array([-10, -10]))
     finish(editor)
-    assert not editor.view.is_sharp
+    assert not editor.state.view.is_sharp
     event(editor, "LeftButtonReleaseEvent", at + np.array([-10, -10]))
     wait_for(lambda: editor.idle, editor.tick)
-    assert editor.view.is_sharp
+    assert editor.state.view.is_sharp
 
 
-def test_an_error_of_the_solver_is_a_message_and_the_session_lives(editor, monkeypatch):
-    heard = []
-    editor.on_change.append(heard.append)
-
+def test_an_error_of_the_solver_is_a_message_and_the_session_lives(editor, monkeypatch, heard):
     def broken(*_, **__):
         raise RuntimeError("no luck today")
 
@@ -501,10 +524,10 @@ def test_an_error_of_the_solver_is_a_message_and_the_session_lives(editor, monke
     with monkeypatch.context() as patch:
         patch.setattr(deformer.HandleSolver, "solve", broken)
         mouse(editor, at, at + np.array([-20, -30]))
-    assert "message" in heard and "no luck today" in editor.message
+    assert "no luck today" in texts(heard, MistakeMade)[0]
     assert len(editor.edit.handles) == 1
     mouse(editor, (4, 4))
-    at = editor.camera.project([editor.edit.handles[0].centre], SIZE)[0]
+    at = editor.state.camera.project([editor.edit.handles[0].centre], SIZE)[0]
     mouse(editor, at, at + np.array([5, 5]))
     assert editor.answer.final and editor.answer.request.edit == editor.edit
 
@@ -541,17 +564,17 @@ def test_recordings_and_turntables_are_animations(editor, tmp_path, monkeypatch)
     save_animation(tmp_path / "drag.gif", pictures, recording.FPS)
     with Image.open(tmp_path / "drag.gif") as movie:
         assert movie.size == SIZE and getattr(movie, "n_frames", 1) > 1
-    camera = editor.camera
+    camera = editor.state.camera
     editor.run(save_turntable(editor, tmp_path / "turn.gif"))
     finish(editor)
-    assert (tmp_path / "turn.gif").is_file() and editor.camera == camera
+    assert (tmp_path / "turn.gif").is_file() and editor.state.camera == camera
     pytest.importorskip("imageio_ffmpeg", reason="MP4 needs imageio-ffmpeg")
     save_animation(tmp_path / "drag.mp4", pictures, recording.FPS)
     assert (tmp_path / "drag.mp4").read_bytes()[4:8] == b"ftyp"
 
 
 def test_a_screenshot_shows_the_mesh(editor, tmp_path):
-    editor.screenshot(tmp_path / "a.png")
+    save_screenshot(editor, tmp_path / "a.png")
     image = np.asarray(Image.open(tmp_path / "a.png")).astype(int)
     vertex, at = seen(editor, 0.5)
     x, y = at.astype(int)
@@ -559,29 +582,38 @@ def test_a_screenshot_shows_the_mesh(editor, tmp_path):
 
 
 def test_work_of_a_crash_is_found_again_and_of_a_good_end_is_not(tmp_path, editor):
-    crashed = Places(tmp_path)
-    editor.write_copy(crashed.autosave)
-    assert Places(tmp_path).left_by_crash() is None, "its window is still open"
-    crashed._lock.release()  # what the system does when a process dies
-    later = Places(tmp_path)
-    assert later.left_by_crash() == crashed.autosave != later.autosave
-    later.forget(crashed.autosave)
+    code = (
+        "import sys; from pathlib import Path; from deformer_app.viewer.settings import Settings\n"
+        "kept = Settings(Path(sys.argv[1])); print(kept.autosave, flush=True); sys.stdin.read()"
+    )
+    command = [sys.executable, "-c", code, str(tmp_path)]
+    crashed = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    try:
+        autosave = Path(crashed.stdout.readline().strip())
+        editor.write_copy(autosave)
+        assert Settings(tmp_path).left_by_crash() is None, "its window is still open"
+    finally:
+        crashed.kill()
+        crashed.wait()
+    later = Settings(tmp_path)
+    assert later.left_by_crash() == autosave != later.autosave
+    later.forget(autosave)
     later.close()
-    assert Places(tmp_path).left_by_crash() is None
+    assert Settings(tmp_path).left_by_crash() is None
 
 
 def test_recent_files_are_the_latest_first_and_once(tmp_path):
-    places = Places(tmp_path)
+    settings = Settings(tmp_path)
     for name in ("a", "b", "a", *map(str, range(20)), "a"):
-        places.remember(name)
-    assert places.recent[:2] == ["a", "19"] and len(places.recent) == 10
+        settings.remember(name)
+    assert settings.recent[:2] == ["a", "19"] and len(settings.recent) == 10
     Path(tmp_path / "settings.json").write_text("{ damaged")
-    assert places.recent == [] and not places.tour_seen
-    places.note_tour()
-    assert places.tour_seen
+    assert settings.recent == [] and not settings.tour_seen
+    settings.note_tour()
+    assert settings.tour_seen
 
 
-def test_a_session_brings_its_target_back(editor, tmp_path):
+def test_a_session_brings_its_target_back(editor, tmp_path, heard):
     target = deformer.Mesh(sequence().vertices[4], editor.model.reference.faces)
     mesh, file = tmp_path / "t.ply", tmp_path / "a.json"
     io.save_mesh(mesh, target)
@@ -590,28 +622,34 @@ def test_a_session_brings_its_target_back(editor, tmp_path):
     error, values = editor.answer.error, editor.answer.paint.values
     editor.save_session(file)
     editor.open_model(editor.session.model.path)
-    assert editor.target is None and editor.look.colour == "plain"
+    assert editor.state.target_mesh is None and editor.state.look.colour == "plain"
     editor.open_session(file)
     finish(editor)
-    assert not editor.message and (editor.look.colour, editor.look.ghost) == ("error", "target")
+    assert not texts(heard, MistakeMade)
+    assert (editor.state.look.colour, editor.state.look.ghost) == ("error", "target")
     assert editor.answer.error == pytest.approx(error)
     np.testing.assert_allclose(editor.answer.paint.values, values, atol=1e-6)
 
     io.save_mesh(mesh, deformer.Mesh(target.vertices + 0.1, target.faces))
     editor.open_session(file)
     finish(editor)
-    assert "t.ply" in editor.message and "changed" in editor.message
+    told = texts(heard, MistakeMade)[-1]
+    assert "t.ply" in told and "changed" in told
     assert editor.answer.error > error
 
     mesh.unlink()
     editor.open_session(file)
     finish(editor)
-    assert "t.ply" in editor.message and "cannot be loaded" in editor.message
-    assert editor.target is None and (editor.look.colour, editor.look.ghost) == ("plain", "none")
+    told = texts(heard, MistakeMade)[-1]
+    assert "t.ply" in told and "cannot be loaded" in told
+    assert editor.state.target_mesh is None and (
+        editor.state.look.colour,
+        editor.state.look.ghost,
+    ) == ("plain", "none")
     editor.save_session(file)
     io.save_mesh(mesh, target)
     editor.open_session(file)
-    assert editor.target is not None, "it is not forgotten while it is away"
+    assert editor.state.target_mesh is not None, "it is not forgotten while it is away"
 
 
 def test_before_there_is_a_pose_nothing_is_placed_or_written(editor, tmp_path):
@@ -619,7 +657,7 @@ def test_before_there_is_a_pose_nothing_is_placed_or_written(editor, tmp_path):
     editor.open_model(editor.session.model.path)
     assert editor.preparing
     with pytest.raises(InputError, match="still being prepared"):
-        editor.export_pose(tmp_path / "pose.ply")
+        export_pose(editor, tmp_path / "pose.ply")
     event(editor, "LeftButtonPressEvent", at)
     event(editor, "LeftButtonReleaseEvent", at)
     finish(editor)
@@ -634,7 +672,7 @@ def test_a_component_can_stay_coloured(editor):
     assert editor.answer.paint.title == editor.model.label(k)
 
 
-def test_work_beside_the_window_keeps_no_other_work_waiting(editor):
+def test_work_in_the_background_keeps_no_other_work_waiting(editor):
     done, held = [], [True]
 
     def quick():
@@ -642,7 +680,7 @@ def test_work_beside_the_window_keeps_no_other_work_waiting(editor):
         done.append("quick")
 
     def slow():
-        yield from beside(lambda: [time.sleep(0.01) for _ in iter(lambda: held[0], False)])
+        yield from in_background(lambda: [time.sleep(0.01) for _ in iter(lambda: held[0], False)])
         done.append("slow")
 
     editor.run(slow())
@@ -655,40 +693,40 @@ def test_work_beside_the_window_keeps_no_other_work_waiting(editor):
     assert done == ["quick", "slow"]
 
 
-def test_a_mistake_beside_the_window_is_a_message(editor):
+def test_a_mistake_in_the_background_is_a_message(editor, heard):
     def fail():
         raise InputError("the disk is full of holes")
 
-    editor.run(beside(fail))
+    editor.run(in_background(fail))
     finish(editor)
-    assert editor.message == "the disk is full of holes"
+    assert texts(heard, MistakeMade) == ["the disk is full of holes"]
 
 
 @pytest.mark.parametrize("command", ["delete", "mirror", "suggest"])
-def test_a_command_that_needs_a_handle_says_so(editor, command):
+def test_a_command_that_needs_a_handle_says_so(editor, heard, command):
     getattr(editor, command)()
-    assert editor.notice
-    editor.notice = ""
+    assert texts(heard, NoticeGiven)
+    heard.clear()
     editor.set_kind("pin")
-    assert "Select a handle" in editor.notice
+    assert "Select a handle" in texts(heard, NoticeGiven)[0]
 
 
 def test_a_rehearsal_leaves_no_trace(editor):
     handle = Handle(1, (115,), ((1.9, 0.4, 0.2),), "exact")
     edit = replace(editor.edit, handles=(handle,))
-    fresh, rehearsed = Poser(editor.model), Poser(editor.model)
+    fresh, rehearsed = PoseWorker(editor.model), PoseWorker(editor.model)
     rehearsed.rehearse()
-    expected, found = fresh.settle(edit).vertices, rehearsed.settle(edit).vertices
+    expected, found = fresh.final_pose(edit).vertices, rehearsed.final_pose(edit).vertices
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("density", [1.0, 2.0])
-def test_a_dense_screen_changes_neither_aim_nor_the_size_of_marks(editor, monkeypatch, density):
+def test_a_dense_screen_changes_neither_aim_nor_the_size_of_handles(editor, screen, density):
     """The same picture on a screen of twice the pixels: same vertices, balls twice as many wide."""
-    plotter = editor.view.plotter
+    plotter = editor.state.view.plotter
     plotter.window_size = [int(density * side) for side in SIZE]
-    monkeypatch.setattr(editor.view, "_screen", lambda: density)
-    assert editor.size == SIZE
+    screen[0] = density
+    assert editor.stage.size == SIZE
     editor.frame()
     finish(editor)
     vertex, at = seen(editor, 0.9)
@@ -704,9 +742,9 @@ def test_a_dense_screen_changes_neither_aim_nor_the_size_of_marks(editor, monkey
     finish(editor)
     assert editor.edit.handles[0].vertices == (vertex,)
     editor.select([])
-    editor.hover(Hover())
+    editor.stage.hover(Hover())
     editor.tick()
-    picture = editor.view.grab().astype(int)
+    picture = editor.state.view.grab().astype(int)
     red, green, blue = np.moveaxis(picture, 2, 0)
     ball = (red > 150) & (red - blue > 80) & (red - green > 50)
     assert np.sqrt(4 / np.pi * ball.sum()) == pytest.approx(14 * density, rel=0.25)
@@ -715,8 +753,8 @@ def test_a_dense_screen_changes_neither_aim_nor_the_size_of_marks(editor, monkey
 def test_a_recording_survives_another_size_of_the_window(editor):
     recorder = Recorder(editor)
     for size in (SIZE, (300, 200)):
-        editor.view.plotter.window_size = list(size)
-        editor.camera_moved()
+        editor.state.view.plotter.window_size = list(size)
+        editor.state.set_camera(editor.state.camera)
         time.sleep(2 / recording.FPS)
         editor.tick()
     assert {picture.shape for picture in recorder.stop()} == {(200, 300, 3)}

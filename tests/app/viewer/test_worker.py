@@ -20,8 +20,7 @@ def threads():
 
     yield make
     for thread in made:
-        thread.close()
-        assert not thread._thread.is_alive()
+        assert thread.close(HANG)
 
 
 def test_only_the_newest_request_is_answered_after_a_slow_one(threads):
@@ -41,9 +40,9 @@ def test_only_the_newest_request_is_answered_after_a_slow_one(threads):
     assert served == [0] and not gate.is_set(), "asking waited for the solver"
     gate.set()
     wait_for(lambda: len(served) == 2)
-    wait_for(lambda: thread.take() == 999)
+    wait_for(lambda: thread.newest() == 999)
     assert served == [0, 999]
-    assert thread.take() is None
+    assert thread.newest() is None
     wait_for(lambda: not thread.busy)
 
 
@@ -64,7 +63,7 @@ def test_improving_an_answer_stops_for_a_newer_request(threads):
     assert first.wait(HANG)
     thread.ask("new")
     before = len(given)
-    wait_for(lambda: thread.take() == ("new", 3))
+    wait_for(lambda: thread.newest() == ("new", 3))
     after = [request for request, _ in given[before:]]
     assert after.count("old") <= 1, "only the step under way was ended"
 
@@ -81,7 +80,7 @@ def test_a_failure_is_told_and_the_next_request_is_served(threads):
     assert failure.request == 0 and isinstance(failure.error, ZeroDivisionError)
     assert thread.failures() == []
     thread.ask(4)
-    wait_for(lambda: thread.take() == 0.25)
+    wait_for(lambda: thread.newest() == 0.25)
 
 
 def test_it_says_when_there_is_something(threads):
@@ -89,7 +88,7 @@ def test_it_says_when_there_is_something(threads):
     thread = threads(lambda request: iter([request]), notify=told.set)
     thread.ask(1)
     assert told.wait(HANG)
-    assert thread.take() == 1
+    assert thread.newest() == 1
 
 
 def test_closing_ends_what_would_go_on_for_ever(threads):
@@ -99,4 +98,4 @@ def test_closing_ends_what_would_go_on_for_ever(threads):
 
     thread = threads(answer)
     thread.ask(1)
-    wait_for(lambda: thread.take() is not None)
+    wait_for(lambda: thread.newest() is not None)

@@ -24,7 +24,7 @@ from PySide6.QtWidgets import (
 
 from deformer_app.viewer.training_job import TrainingJob
 
-_LOOK = 100  # milliseconds between two looks at the progress
+_POLL = 100  # milliseconds between two polls of the progress
 
 
 class TrainingDialog(QDialog):
@@ -32,50 +32,56 @@ class TrainingDialog(QDialog):
 
     Args:
         parent: the window.
-        opened: called with the model's path when it is there.
+        open_model: called with the model's path once it has been written.
+
+    Attributes:
+        shapes, output, components, epochs: fields that the user fills in.
+        start_button, cancel_button: begin and stop the training.
+        status: a line that says what is going on.
+        ended: true once a model has been trained and opened.
     """
 
-    def __init__(self, parent: QWidget, opened: Callable[[Path], Any]) -> None:
+    def __init__(self, parent: QWidget, open_model: Callable[[Path], Any]) -> None:
         """Lay out."""
         super().__init__(parent)
         self.setWindowTitle("Train on shapes")
         self.setMinimumWidth(560)
-        self._opened = opened
+        self._open_model = open_model
         self._job: TrainingJob | None = None
         self.ended = False
-        self._shapes, self._output = QLineEdit(), QLineEdit()
-        self._shapes.setPlaceholderText("Folder of OBJ, PLY, OFF, STL or GLB files, or an NPZ")
-        self._components, self._epochs = QSpinBox(), QSpinBox()
-        self._components.setRange(1, 500)
-        self._components.setValue(50)
-        self._epochs.setRange(0, 100_000)
-        self._epochs.setSpecialValueText("as usual")
+        self.shapes, self.output = QLineEdit(), QLineEdit()
+        self.shapes.setPlaceholderText("Folder of OBJ, PLY, OFF, STL or GLB files, or an NPZ")
+        self.components, self.epochs = QSpinBox(), QSpinBox()
+        self.components.setRange(1, 500)
+        self.components.setValue(50)
+        self.epochs.setRange(0, 100_000)
+        self.epochs.setSpecialValueText("as usual")
         self._up = QComboBox()
         self._up.addItems(["y", "z", "x", "-x", "-y", "-z"])
         form = QFormLayout()
         folder = self._button("Folder…", self._choose_shapes)
         file = self._button("NPZ…", self._choose_file)
-        form.addRow("Shapes", self._row(self._shapes, folder, file))
+        form.addRow("Shapes", self._row(self.shapes, folder, file))
         output = self._button("Folder…", self._choose_output)
-        form.addRow("Model", self._row(self._output, output))
-        form.addRow("Components", self._components)
-        form.addRow("Steps", self._epochs)
+        form.addRow("Model", self._row(self.output, output))
+        form.addRow("Components", self.components)
+        form.addRow("Steps", self.epochs)
         form.addRow("Up axis", self._up)
-        self._bar, self._state = QProgressBar(), QLabel("Shapes must share one connectivity.")
-        self._state.setWordWrap(True)
-        self._start = self._button("Train", self._begin)
-        self._stop = self._button("Cancel", self._cancel_or_close)
+        self._bar, self.status = QProgressBar(), QLabel("Shapes must share one connectivity.")
+        self.status.setWordWrap(True)
+        self.start_button = self._button("Train", self._begin)
+        self.cancel_button = self._button("Cancel", self._cancel_or_close)
         buttons = QHBoxLayout()
         buttons.addStretch(1)
-        buttons.addWidget(self._stop)
-        buttons.addWidget(self._start)
+        buttons.addWidget(self.cancel_button)
+        buttons.addWidget(self.start_button)
         layout = QVBoxLayout(self)
         layout.addLayout(form)
         layout.addWidget(self._bar)
-        layout.addWidget(self._state)
+        layout.addWidget(self.status)
         layout.addLayout(buttons)
         self._timer = QTimer(self)
-        self._timer.timeout.connect(self._look)
+        self._timer.timeout.connect(self._poll)
 
     def _button(self, title: str, run: Callable[[], None]) -> QPushButton:
         button = QPushButton(title)
@@ -92,11 +98,22 @@ class TrainingDialog(QDialog):
             layout.addWidget(button)
         return row
 
+    @property
+    def training(self) -> bool:
+        """True while a model is being trained."""
+        return self._job is not None
+
+    @property
+    def stage(self) -> str:
+        """What the training is at; empty without one."""
+        progress = None if self._job is None else self._job.progress
+        return "" if progress is None else progress.stage
+
     def choose(self, shapes: Path) -> None:
         """Fill in the shapes, and a name for the model beside them."""
-        self._shapes.setText(str(shapes))
-        if not self._output.text():
-            self._output.setText(str(shapes.with_name(f"{shapes.stem}-model")))
+        self.shapes.setText(str(shapes))
+        if not self.output.text():
+            self.output.setText(str(shapes.with_name(f"{shapes.stem}-model")))
 
     def _choose_shapes(self) -> None:
         name = QFileDialog.getExistingDirectory(self, "Shapes")
@@ -111,23 +128,23 @@ class TrainingDialog(QDialog):
     def _choose_output(self) -> None:
         name = QFileDialog.getExistingDirectory(self, "Model")
         if name:
-            self._output.setText(name)
+            self.output.setText(name)
 
     def _begin(self) -> None:
-        if not self._shapes.text() or not self._output.text():
-            self._state.setText("Choose the shapes, and a folder for the model.")
+        if not self.shapes.text() or not self.output.text():
+            self.status.setText("Choose the shapes, and a folder for the model.")
             return
-        self._start.setEnabled(False)
+        self.start_button.setEnabled(False)
         self._job = TrainingJob(
-            Path(self._shapes.text()),
-            Path(self._output.text()),
-            self._components.value(),
-            self._epochs.value() or None,
+            Path(self.shapes.text()),
+            Path(self.output.text()),
+            self.components.value(),
+            self.epochs.value() or None,
             self._up.currentText(),
         )
-        self._timer.start(_LOOK)
+        self._timer.start(_POLL)
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         job = self._job
         assert job is not None
         progress = job.progress
@@ -135,20 +152,20 @@ class TrainingDialog(QDialog):
             self._bar.setRange(0, progress.total)
             self._bar.setValue(progress.done)
             loss = f"   loss {progress.loss:.4g}" if progress.loss else ""
-            self._state.setText(f"{progress.stage} {progress.done} of {progress.total}{loss}")
+            self.status.setText(f"{progress.stage} {progress.done} of {progress.total}{loss}")
         if not job.done:
             return
         self._timer.stop()
         self._job = None
-        self._start.setEnabled(True)
+        self.start_button.setEnabled(True)
         if job.error is not None:
-            self._state.setText(str(job.error))
+            self.status.setText(str(job.error))
         elif job.cancelled:
-            self._state.setText("Cancelled; nothing was written.")
+            self.status.setText("Cancelled; nothing was written.")
         else:
             self.ended = True
             self.hide()
-            self._opened(job.output)
+            self._open_model(job.output)
 
     def cancel(self) -> None:
         """Stop the training, if there is one."""
@@ -159,5 +176,5 @@ class TrainingDialog(QDialog):
         if self._job is None:
             self.hide()
         else:
-            self._state.setText("Stopping …")
+            self.status.setText("Stopping …")
             self.cancel()

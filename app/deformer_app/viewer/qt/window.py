@@ -5,54 +5,55 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-from PySide6.QtCore import QByteArray, QEvent, QObject, Qt, QTimer, Signal
-from PySide6.QtGui import QAction, QCloseEvent, QColor, QFont, QKeySequence, QPalette, QShortcut
+from PySide6.QtCore import QByteArray, QObject, Qt, QTimer, Signal
+from PySide6.QtGui import QCloseEvent, QFont, QKeySequence, QShortcut
 from PySide6.QtWidgets import (
     QApplication,
-    QDialog,
     QDockWidget,
-    QFileDialog,
-    QHBoxLayout,
     QLabel,
     QMainWindow,
-    QMenu,
     QMessageBox,
-    QProgressBar,
-    QPushButton,
-    QToolBar,
     QVBoxLayout,
     QWidget,
 )
-from pyvistaqt import QtInteractor
 
 from deformer import InputError
-from deformer_app.rendering.palette import NOTICE, NOTICE_INK
-from deformer_app.viewer.actions import ACTIONS, MENUS, Action, help_groups
+from deformer_app.viewer.actions import Action
+from deformer_app.viewer.changes import (
+    Change,
+    FrameDrawn,
+    HistoryChanged,
+    LookChanged,
+    MistakeMade,
+    ModelOpened,
+    NoticeGiven,
+    PoseChanged,
+)
 from deformer_app.viewer.editor import Editor
-from deformer_app.viewer.events import listen
-from deformer_app.viewer.qt.panels import ComponentPanel, HandlePanel, ModelPanel
+from deformer_app.viewer.qt.component_panel import ComponentPanel
+from deformer_app.viewer.qt.file_dialogs import FileDialogs
+from deformer_app.viewer.qt.handle_panel import HandlePanel
+from deformer_app.viewer.qt.help_dialog import HelpDialog
+from deformer_app.viewer.qt.menus import Menus
+from deformer_app.viewer.qt.model_panel import ModelPanel
+from deformer_app.viewer.qt.notices import Notices
+from deformer_app.viewer.qt.picture import Picture
+from deformer_app.viewer.qt.theme import apply_theme
+from deformer_app.viewer.qt.tour import Tour
 from deformer_app.viewer.qt.training_dialog import TrainingDialog
-from deformer_app.viewer.recording import Recorder, save_turntable, saving
+from deformer_app.viewer.recording import Recorder, save_recording, save_turntable
 from deformer_app.viewer.scene import MeshView
 from deformer_app.viewer.session import Session
-from deformer_app.viewer.settings import Places
+from deformer_app.viewer.settings import Settings
+from deformer_app.viewer.vtk_input import listen
 
 _TICK = 4  # milliseconds between two looks at the solver while something is going on
 _PANELS = 120  # milliseconds after a change until the docks show it
 _AUTOSAVE = 1500  # milliseconds after a step until it is written
 _PATIENCE = 700  # milliseconds of preparation after which the user is told
 _MOVIES = "Animations (*.gif *.mp4)"
-_TOOLBAR = {"Undo", "Redo", "Manipulator: move", "Manipulator: rotate", "Manipulator: scale",
-            "Paint region", "Mirror", "Suggest next handle", "Frame all"}  # fmt: skip
-_HELP_COLUMNS = (("Mouse", "Help"), ("File", "Edit"), ("Handles",), ("View",))
-_TOUR = (
-    ("Press the left button on a hand and pull it. The rest follows as in the examples.", "drag"),
-    ("Drag beside the body to look around it; the wheel zooms to the cursor.", "camera"),
-    ("Click a foot and press P: pinned, it stays where it is.", "history"),
-    ("Ctrl+Z takes a step back, without end. F1 lists all keys. Enjoy!", ""),
-)
 
 
 class _Wake(QObject):
@@ -61,110 +62,62 @@ class _Wake(QObject):
     called = Signal()
 
 
-class _Picture(QtInteractor):
-    """VTK in a widget that shows what has been drawn.
-
-    pyvistaqt (0.13.1) draws every frame a second time to show it, in case the scene has changed
-    since; here it has not. Drawn in software, that halved the rate.
-    """
-
-    _drawn = False
-
-    def _cb_frame(self, obj: Any, evt: Any) -> None:
-        self._drawn = not self._in_paint
-        super()._cb_frame(obj, evt)
-
-    def resizeGL(self, w: int, h: int) -> None:
-        """Forget the frame: it has another size."""
-        self._drawn = False
-        super().resizeGL(w, h)
-
-    def paintGL(self) -> None:
-        """Show the frame; draw it if that has not been done."""
-        self._in_paint, self._drawn = self._drawn, False
-        super().paintGL()
-        self._in_paint = False
-
-
 class Window(QMainWindow):
     """An editor with menus and docks.
 
     Args:
-        places: what is remembered between two starts.
+        settings: what is remembered between two starts.
+
+    Attributes:
+        editor: what the user works with.
+        menus, notices, tour: parts of the window.
+        model_panel, handle_panel, component_panel: the docks.
+        training: the dialog that trains a model, once it has been opened.
     """
 
-    def __init__(self, places: Places) -> None:
+    def __init__(self, settings: Settings) -> None:
         """Build the window, without a model."""
         super().__init__()
-        self.places = places
+        self.settings = settings
         self.setWindowTitle("Deformer")
         self.resize(1360, 880)
+        self.training: TrainingDialog | None = None
         self._file: Path | None = None
-        self._folder = Path.cwd()
+        self._dialogs = FileDialogs(self)
         self._recorder: Recorder | None = None
-        self._training: TrainingDialog | None = None
-        self._help: QDialog | None = None
-        self._tour_step: int | None = None
-        self._ended = False
+        self._help: HelpDialog | None = None
+        self._may_close = False
 
         self._wake = _Wake()
         self._timer = QTimer(self)
         self._timer.setInterval(_TICK)
         self._timer.timeout.connect(self._tick)
         self._wake.called.connect(self._awake)
-        self._later = self._delayed(_PANELS, self._refresh)
+        self._refresh_soon = self._delayed(_PANELS, self._refresh)
         self._autosave = self._delayed(_AUTOSAVE, self._write_autosave)
 
         centre = QWidget()
+        self.plotter = Picture(centre, auto_update=False, multi_samples=0)
+        self.editor = Editor(
+            MeshView(self.plotter, density=self.plotter.devicePixelRatioF), self._wake.called.emit
+        )
+        self.editor.on_change.append(self._hear)
+        listen(self.editor.state.view, self.editor.controller.handle)
+        self.tour = Tour(self.editor)
         column = QVBoxLayout(centre)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(0)
-        self._banner, self._banner_text = self._strip("mistake", ("Close", self._hide_banner))
-        self._tour, self._tour_text = self._strip(
-            "tour", ("Next", self._next_step), ("End tour", self._end_tour)
-        )
-        self.plotter = _Picture(centre, auto_update=False, multi_samples=0)
-        self._film, film = self._strip("recording", ("Stop", lambda: self._guard(self.record)))
-        film.setText("<b>●</b>&nbsp; Recording what the picture shows")
-        self._wait, wait = self._strip("waiting")
-        wait.setText("Preparing the solver. The first time after an installation this takes a "
-                     "minute. You can look around already.")  # fmt: skip
-        bar = QProgressBar()
-        bar.setRange(0, 0)
-        bar.setFixedSize(120, 8)
-        cast(QHBoxLayout, self._wait.layout()).addWidget(bar)
         column.addWidget(self.plotter, 1)
-        column.addWidget(self._tour)
+        column.addWidget(self.tour)
         self.setCentralWidget(centre)
-        # They lie upon the picture: if it gave way to them, what is being dragged would jump.
-        self._notes = QWidget(centre)
-        notes = QVBoxLayout(self._notes)
-        notes.setContentsMargins(0, 0, 0, 0)
-        notes.setSpacing(0)
-        for strip in (self._banner, self._film, self._wait):
-            notes.addWidget(strip)
-        self._notes.hide()
-        self.plotter.installEventFilter(self)
-
-        view = MeshView(self.plotter, density=self.plotter.devicePixelRatioF)
-        self.editor = Editor(view, self._wake.called.emit)
-        self.editor.on_change.append(self._changed)
-        listen(self.editor.view, self.editor.controller)
-        self._actions = self._make_menus()
-        self._model = ModelPanel(self.editor)
-        self._handles = HandlePanel(self.editor)
-        self._components = ComponentPanel(self.editor)
-        model = self._dock("Model", self._model, Qt.DockWidgetArea.LeftDockWidgetArea)
-        handles = self._dock("Handles", self._handles, Qt.DockWidgetArea.RightDockWidgetArea)
-        components = self._dock(
-            "Components", self._components, Qt.DockWidgetArea.RightDockWidgetArea
-        )
-        self.resizeDocks([handles, components], [330, 370], Qt.Orientation.Vertical)
-        self.resizeDocks([model, handles], [250, 310], Qt.Orientation.Horizontal)
+        self.notices = Notices(self.plotter, lambda: self.attempt(self.record))
+        self.menus = Menus(self, self._run)
+        self.menus.recent.aboutToShow.connect(self._list_recent)
+        self._add_docks()
         self._hint, self._times = QLabel(), QLabel()
         self.statusBar().addWidget(self._hint, 1)
         self.statusBar().addPermanentWidget(self._times)
-        QShortcut(QKeySequence("Esc"), self, self._escape)
+        QShortcut(QKeySequence("Esc"), self, self.escape)
         self._restore_layout()
 
     def _delayed(self, milliseconds: int, run: Callable[[], None]) -> QTimer:
@@ -174,84 +127,52 @@ class Window(QMainWindow):
         timer.timeout.connect(run)
         return timer
 
-    def _strip(self, kind: str, *buttons: tuple[str, Callable[[], Any]]) -> tuple[QWidget, QLabel]:
-        """A coloured line of text with buttons, hidden."""
-        strip, text = QWidget(), QLabel()
-        strip.setStyleSheet(f"background: {NOTICE[kind]}; color: {NOTICE_INK};")
-        text.setWordWrap(True)
-        row = QHBoxLayout(strip)
-        row.addWidget(text, 1)
-        for title, run in buttons:
-            button = QPushButton(title)
-            button.clicked.connect(lambda _, f=run: f())
-            row.addWidget(button)
-        strip.hide()
-        return strip, text
-
-    def _dock(self, title: str, panel: QWidget, area: Qt.DockWidgetArea) -> QDockWidget:
-        dock = QDockWidget(title, self)
-        dock.setObjectName(title)
-        dock.setWidget(panel)
-        self.addDockWidget(area, dock)
-        self._menus["View"].addAction(dock.toggleViewAction())
-        return dock
-
-    def _make_menus(self) -> list[tuple[Action, QAction]]:
-        self._menus = {name: self.menuBar().addMenu(f"&{name}") for name in MENUS}
-        bar = QToolBar("Tools", self)
-        bar.setObjectName("Tools")
-        bar.setMovable(False)
-        self.addToolBar(bar)
-        made = []
-        for action in ACTIONS:
-            item = QAction(action.title, self)
-            if action.key:
-                item.setShortcut(QKeySequence(action.key))
-            item.setStatusTip(action.about or action.title)
-            item.setToolTip(f"{action.about or action.title}  {action.key}")
-            item.setCheckable(action.checked is not None)
-            item.triggered.connect(lambda _=False, a=action: self._run(a))
-            if action.rule:
-                self._menus[action.menu].addSeparator()
-            self._menus[action.menu].addAction(item)
-            if action.title in _TOOLBAR:
-                item.setIconText(
-                    action.title.split(": ")[-1].removesuffix(" next handle").capitalize()
-                )
-                bar.addAction(item)
-            if action.title == "Open session…":
-                self._recent = QMenu("Open recent", self)
-                self._recent.aboutToShow.connect(self._list_recent)
-                self._menus["File"].addMenu(self._recent)
-            made.append((action, item))
-        self._menus["View"].addSeparator()  # above the docks
-        return made
+    def _add_docks(self) -> None:
+        self.model_panel = ModelPanel(self.editor)
+        self.handle_panel = HandlePanel(self.editor)
+        self.component_panel = ComponentPanel(self.editor)
+        left, right = Qt.DockWidgetArea.LeftDockWidgetArea, Qt.DockWidgetArea.RightDockWidgetArea
+        docks = []
+        for title, panel, area in (
+            ("Model", self.model_panel, left),
+            ("Handles", self.handle_panel, right),
+            ("Components", self.component_panel, right),
+        ):
+            dock = QDockWidget(title, self)
+            dock.setObjectName(title)
+            dock.setWidget(panel)
+            self.addDockWidget(area, dock)
+            self.menus.menus["View"].addAction(dock.toggleViewAction())
+            docks.append(dock)
+        model, handles, components = docks
+        self.resizeDocks([handles, components], [330, 370], Qt.Orientation.Vertical)
+        self.resizeDocks([model, handles], [250, 310], Qt.Orientation.Horizontal)
 
     def _restore_layout(self) -> None:
-        geometry, docks = (QByteArray.fromBase64(part.encode()) for part in self.places.layout)
+        geometry, docks = (QByteArray.fromBase64(part.encode()) for part in self.settings.layout)
         self.restoreGeometry(geometry)
         self.restoreState(docks)
 
     def _note_layout(self) -> None:
         parts = (self.saveGeometry(), self.saveState())
-        self.places.note_layout(*(bytes(part.toBase64().data()).decode() for part in parts))
+        self.settings.note_layout(*(bytes(part.toBase64().data()).decode() for part in parts))
 
     @property
     def idle(self) -> bool:
         """True once the picture and the docks show the editor's state."""
-        return self.editor.idle and not self._later.isActive()
+        return self.editor.idle and not self._refresh_soon.isActive()
 
-    # Models, sessions, files.
+    # Models and sessions.
 
     def begin(self, model: str, session: Session | None, file: Path | None) -> None:
         """Open the first model; offer what a crash has left."""
-        left = self.places.left_by_crash()
-        self._guard(lambda: self._open(model, session, file))
+        left = self.settings.left_by_crash()
+        self.attempt(lambda: self._open(model, session, file))
         if left is not None and self._restore(left):
             return
-        if not self.places.tour_seen:
-            self.places.note_tour()
-            self.tour()
+        if not self.settings.tour_seen:
+            self.settings.note_tour()
+            self.tour.begin()
 
     def _restore(self, left: Path) -> bool:
         answer = QMessageBox.question(
@@ -259,10 +180,10 @@ class Window(QMainWindow):
             "Deformer",
             "The last session did not end well. Open what was saved of it?",
         )
-        found = answer == QMessageBox.StandardButton.Yes and self._guard(
+        found = answer == QMessageBox.StandardButton.Yes and self.attempt(
             lambda: self._open_restored(left)
         )
-        self.places.forget(left)
+        self.settings.forget(left)
         return bool(found)
 
     def _open_restored(self, left: Path) -> None:
@@ -272,22 +193,22 @@ class Window(QMainWindow):
         self._autosave.start()
 
     def _open(self, model: str | Path, session: Session | None, file: Path | None) -> None:
-        self._hide_banner()
+        self.notices.hide_mistake()
         self.editor.open_model(model, session)
         self._file = file
-        self.places.remember(str(file.resolve()) if file else self.editor.session.model.path)
+        self.settings.remember(str(file.resolve()) if file else self.editor.session.model.path)
 
-    def _guard(self, run: Callable[[], Any]) -> bool:
-        """Run; a mistake becomes a message and false."""
+    def attempt(self, run: Callable[[], Any]) -> bool:
+        """Run; a mistake becomes a message and False."""
         try:
             run()
         except (InputError, OSError) as error:
-            self._say(str(error))
+            self.notices.show_mistake(str(error))
             return False
         return True
 
     def _run(self, action: Action) -> None:
-        self._guard(lambda: action.run(self))  # pyright: ignore[reportArgumentType]
+        self.attempt(lambda: action.run(self))
         self._refresh()
 
     def open_model(self, path: Path | str) -> None:
@@ -296,11 +217,9 @@ class Window(QMainWindow):
         if folder.is_dir() and not (folder / "model.json").exists():
             question = f"{folder} holds no model. Train one on the shapes in it?"
             if QMessageBox.question(self, "Deformer", question) == QMessageBox.StandardButton.Yes:
-                self.train()
-                assert self._training is not None
-                self._training.choose(folder)
-        elif self._may_leave():
-            self._guard(lambda: self._open(path, None, None))
+                self.train().choose(folder)
+        elif self.may_leave():
+            self.attempt(lambda: self._open(path, None, None))
 
     def open_session(self, path: Path | str) -> None:
         """Open a session, unless the user wants to keep unsaved work."""
@@ -309,31 +228,31 @@ class Window(QMainWindow):
             session = Session.load(path)
             self._open(session.model.path, session, Path(path))
 
-        if self._may_leave():
-            self._guard(load)
+        if self.may_leave():
+            self.attempt(load)
 
     def _list_recent(self) -> None:
-        self._recent.clear()
-        for name in self.places.recent:
+        self.menus.recent.clear()
+        for name in self.settings.recent:
             opener = self.open_session if name.endswith(".json") else self.open_model
-            item = self._recent.addAction(name)
+            item = self.menus.recent.addAction(name)
             item.triggered.connect(lambda _=False, n=name, f=opener: f(n))
 
     def save(self, elsewhere: bool) -> bool:
-        """Save the session; false if the user thought better of it."""
+        """Save the session; return False if the user has changed their mind."""
         path = self._file
         if path is None or elsewhere:
             path = self.ask_save("Save session", "session.json", "Sessions (*.json)")
-        if path is None or not self._guard(lambda: self.editor.save_session(path)):
+        if path is None or not self.attempt(lambda: self.editor.save_session(path)):
             return False
         self._file = path
-        self.places.remember(str(path.resolve()))
-        self.places.forget(self.places.autosave)
+        self.settings.remember(str(path.resolve()))
+        self.settings.forget(self.settings.autosave)
         self.statusBar().showMessage(f"Saved {path}", 4000)
         return True
 
-    def _may_leave(self) -> bool:
-        """Ask, if something would be lost."""
+    def may_leave(self) -> bool:
+        """Ask, if something would be lost; return False if the user wants to stay."""
         if not self.editor.is_open or not self.editor.session.changed:
             return True
         buttons = QMessageBox.StandardButton
@@ -349,49 +268,46 @@ class Window(QMainWindow):
 
     def _write_autosave(self) -> None:
         if self.editor.is_open and self.editor.session.changed:
-            self._guard(lambda: self.editor.write_copy(self.places.autosave))
+            self.attempt(lambda: self.editor.write_copy(self.settings.autosave))
+
+    # What actions ask for; see `actions.Shell`.
 
     def ask_open(self, title: str, files: str) -> Path | None:
         """Ask for a file to read."""
-        name, _ = QFileDialog.getOpenFileName(self, title, str(self._folder), files)
-        return self._chosen(name)
+        return self._dialogs.ask_open(title, files)
 
     def ask_folder(self, title: str) -> Path | None:
         """Ask for a folder."""
-        return self._chosen(QFileDialog.getExistingDirectory(self, title, str(self._folder)))
+        return self._dialogs.ask_folder(title)
 
     def ask_save(self, title: str, name: str, files: str) -> Path | None:
         """Ask for a file to write."""
-        dialog = QFileDialog(self, title, str(self._folder / name), files)
-        dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
-        dialog.setDefaultSuffix(Path(name).suffix)
-        return self._chosen(dialog.selectedFiles()[0] if dialog.exec() else "")
+        return self._dialogs.ask_save(title, name, files)
 
-    def _chosen(self, name: str) -> Path | None:
-        """What a dialog has given; the next one begins in the same folder."""
-        if not name:
-            return None
-        self._folder = Path(name).parent
-        return Path(name)
+    def train(self) -> TrainingDialog:
+        """Open the dialog that trains a model on shapes."""
+        if self.training is None or self.training.ended:
+            self.training = TrainingDialog(self, self.open_model)
+        self.training.show()
+        return self.training
 
-    def train(self) -> None:
-        """Train a model on shapes that the user chooses."""
-        if self._training is None or self._training.ended:
-            self._training = TrainingDialog(self, self.open_model)
-        self._training.show()
+    @property
+    def recording(self) -> bool:
+        """True while the picture is being recorded."""
+        return self._recorder is not None
 
     def record(self) -> None:
         """Begin or end a recording."""
         if self._recorder is None:
             self._recorder = Recorder(self.editor)
-            self._show(self._film)
+            self.notices.show_strip(self.notices.recording)
             return
         recorder, self._recorder = self._recorder, None
-        self._show(self._film, False)
+        self.notices.show_strip(self.notices.recording, False)
         pictures = recorder.stop()
         path = self.ask_save("Save recording", "drag.mp4", _MOVIES)
         if path is not None:
-            self.editor.run(saving(self.editor, path, pictures))
+            self.editor.run(save_recording(self.editor, path, pictures))
 
     def turntable(self) -> None:
         """Write a turntable."""
@@ -399,119 +315,56 @@ class Window(QMainWindow):
         if path is not None:
             self.editor.run(save_turntable(self.editor, path))
 
-    # Help.
-
     def help(self) -> None:
         """Show or hide the keys and what the mouse does."""
         if self._help is not None and self._help.isVisible():
             self._help.hide()
             return
-        self._help = QDialog(self, Qt.WindowType.Tool)
-        self._help.setWindowTitle("Keys and mouse")
-        columns = QHBoxLayout(self._help)
-        columns.setContentsMargins(18, 14, 18, 14)
-        columns.setSpacing(28)
-        texts = {
-            name: f"<tr><th colspan=2 align=left>{name}</th></tr>"
-            + "".join(
-                f"<tr><td><b>{key}</b>&nbsp;&nbsp;&nbsp;</td><td>{what}</td></tr>"
-                for key, what in rows
-            )
-            for name, rows in help_groups().items()
-        }
-        gap = "<tr><td>&nbsp;</td></tr>"
-        for names in _HELP_COLUMNS:
-            label = QLabel(f"<table>{gap.join(texts[name] for name in names)}</table>")
-            label.setAlignment(Qt.AlignmentFlag.AlignTop)
-            columns.addWidget(label)
-        QShortcut(QKeySequence("F1"), self._help, self._help.hide)
+        self._help = HelpDialog(self)
         self._help.show()
 
-    def tour(self) -> None:
+    def begin_tour(self) -> None:
         """Begin the tour."""
-        self._tour_step = -1
-        self._next_step()
+        self.tour.begin()
 
-    def _next_step(self) -> None:
-        step = -1 if self._tour_step is None else self._tour_step
-        if step + 1 >= len(_TOUR):
-            self._end_tour()
-            return
-        self._tour_step = step + 1
-        self._tour_text.setText(
-            f"<b>{step + 2} of {len(_TOUR)}</b>&nbsp;&nbsp; {_TOUR[step + 1][0]}"
-        )
-        self._tour.show()
-
-    def _end_tour(self) -> None:
-        self._tour_step = None
-        self._tour.hide()
+    # Events.
 
     def unexpected(self, kind: type[BaseException], error: BaseException, trace: Any) -> None:
         """Tell of a fault of the program in the window, too, and go on: the session is whole."""
         sys.__excepthook__(kind, error, trace)
-        self._say(f"A fault of the program: {error!r}. Your session is kept; save it.")
+        self.notices.show_mistake(
+            f"A fault of the program: {error!r}. Your session is kept; save it."
+        )
 
-    def _say(self, text: str) -> None:
-        self._banner_text.setText(text)
-        self._show(self._banner)
-
-    def _hide_banner(self) -> None:
-        self._show(self._banner, False)
-
-    def _show(self, strip: QWidget, shown: bool = True) -> None:
-        """Show or hide one of the strips at the top of the picture."""
-        strip.setVisible(shown)
-        self._place_notes()
-
-    def _place_notes(self) -> None:
-        layout, frame = cast(QVBoxLayout, self._notes.layout()), self.plotter.geometry()
-        strips = (self._banner, self._film, self._wait)
-        self._notes.setVisible(any(not strip.isHidden() for strip in strips))
-        layout.activate()
-        height = layout.totalHeightForWidth(frame.width())
-        self._notes.setGeometry(frame.x(), frame.y(), frame.width(), max(height, 1))
-        self._notes.raise_()
-
-    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Keep the strips as wide as the picture."""
-        if watched is self.plotter and event.type() == QEvent.Type.Resize:
-            self._place_notes()
-        return super().eventFilter(watched, event)
-
-    # Events.
-
-    def _escape(self) -> None:
+    def escape(self) -> None:
+        """Give up the drag under way; else go back to dragging and close the message."""
         if not self.editor.controller.cancel():
-            self.editor.set_mode("drag")
-            self._hide_banner()
+            self.editor.state.set_tool("drag")
+            self.notices.hide_mistake()
 
-    def _changed(self, event: str) -> None:
-        """The editor says that something is different."""
-        if event == "message":
-            self._say(self.editor.message)
-        elif event == "notice":
-            self.statusBar().showMessage(self.editor.notice, 6000)
-        elif event == "pose":
-            self._show(self._wait, False)
-        elif event == "model":
-            QTimer.singleShot(_PATIENCE, lambda: self._show(self._wait, self.editor.preparing))
-            self._model.model_changed()
-            self._components.model_changed()
-        elif event == "look":
-            self._dress()
-        if event == "history":
-            self._autosave.start()
-        if self._tour_step is not None and event == _TOUR[self._tour_step][1]:
-            QTimer.singleShot(900, lambda step=self._tour_step: self._advance(step))
-        if event == "frame":
-            self._show_times()
-        if not self._later.isActive():
-            self._later.start()
+    def _hear(self, change: Change) -> None:
+        match change:
+            case MistakeMade(text):
+                self.notices.show_mistake(text)
+            case NoticeGiven(text):
+                self.statusBar().showMessage(text, 6000)
+            case PoseChanged():
+                self.notices.show_strip(self.notices.preparing, False)
+            case ModelOpened():
+                QTimer.singleShot(_PATIENCE, self._tell_of_preparation)
+                self.model_panel.model_changed()
+                self.component_panel.model_changed()
+            case LookChanged():
+                apply_theme(self.editor.state.view.theme)
+            case HistoryChanged():
+                self._autosave.start()
+            case FrameDrawn():
+                self._show_times()
+        if not self._refresh_soon.isActive():
+            self._refresh_soon.start()
 
-    def _advance(self, step: int) -> None:
-        if self._tour_step == step and not self.editor.controller.dragging:
-            self._next_step()
+    def _tell_of_preparation(self) -> None:
+        self.notices.show_strip(self.notices.preparing, self.editor.preparing)
 
     def _awake(self) -> None:
         if not self._timer.isActive():  # to start it anew with every answer would put it off
@@ -525,52 +378,40 @@ class Window(QMainWindow):
     def _show_times(self) -> None:
         editor = self.editor
         solve = editor.answer.pose.milliseconds if editor.answer else 0.0
-        text = f"solve {solve:.1f} ms   frame {editor.view.frame_milliseconds:.1f} ms"
+        frame = editor.state.view.frame_milliseconds
+        text = f"solve {solve:.1f} ms   frame {frame:.1f} ms"
         if editor.latencies:
             text += f"   move to picture {1000 * editor.latencies[-1]:.0f} ms"
         self._times.setText(text)
 
     def _refresh(self) -> None:
         editor = self.editor
+        self.menus.refresh(self)
         if not editor.is_open:
             return
-        for panel in (self._model, self._handles, self._components):
+        for panel in (self.model_panel, self.handle_panel, self.component_panel):
             panel.refresh()
-        for action, item in self._actions:
-            if action.checked is not None:
-                item.setChecked(action.checked(editor))
-            if action.title == "Undo":
-                item.setEnabled(editor.session.can_undo)
-            elif action.title == "Redo":
-                item.setEnabled(editor.session.can_redo)
-            elif action.title == "Record":
-                item.setText("Stop recording" if self._recorder else "Record")
         name = self._file.name if self._file else Path(editor.session.model.path).name
         preparing = " (preparing)" if editor.preparing else ""
         self.setWindowTitle(f"{name}[*] – Deformer{preparing}")
         self.setWindowModified(editor.session.changed)
-        self._hint.setText(editor.hint)
+        self._hint.setText(editor.stage.hint)
 
-    def _dress(self) -> None:
-        """Give the widgets the colours of the picture."""
-        theme = self.editor.view.theme
-        palette, roles = QPalette(), QPalette.ColorRole
-        for name, colour in theme.widgets:
-            palette.setColor(roles[name], QColor(colour))
-        for role in (roles.Text, roles.ButtonText, roles.WindowText):
-            palette.setColor(QPalette.ColorGroup.Disabled, role, QColor(theme.disabled))
-        QApplication.setPalette(palette)
+    def close_unsaved(self) -> None:
+        """Close without a question, whatever would be lost."""
+        self._may_close = True
+        self.close()
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """Ask if something would be lost, then let everything go."""
-        if self._ended or self._may_leave():
-            self._ended = True
-            if self._training is not None:
-                self._training.cancel()
+        if self._may_close or self.may_leave():
+            self._may_close = True
+            if self.training is not None:
+                self.training.cancel()
             self._timer.stop()
             self._note_layout()
             self.editor.close()
-            self.places.close()
+            self.settings.close()
             self.plotter.close()
             event.accept()
         else:
@@ -585,7 +426,7 @@ def run_window(model: str, session: Session | None, file: Path | None) -> Sessio
     font = QFont()
     font.setPointSizeF(max(font.pointSizeF(), 9.5))
     app.setFont(font)  # pyright: ignore[reportAttributeAccessIssue]
-    window = Window(Places())
+    window = Window(Settings())
     window.show()
     QTimer.singleShot(0, lambda: window.begin(model, session, file))
     sys.excepthook = window.unexpected

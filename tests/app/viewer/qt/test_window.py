@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 import deformer
+from deformer_app.viewer.actions import ACTIONS
+from deformer_app.viewer.gizmo import translation
 from deformer_app.viewer.pose_worker import replay
 from deformer_app.viewer.session import ModelName, Session
 from display import virtual_display
@@ -57,25 +59,34 @@ def app(display):
 @pytest.fixture
 def window(app, model_path, tmp_path):
     from deformer_app.viewer.qt.window import Window
-    from deformer_app.viewer.settings import Places
+    from deformer_app.viewer.settings import Settings
 
-    places = Places(tmp_path / "settings")
-    places.note_tour()
-    made = Window(places)
+    settings = Settings(tmp_path / "settings")
+    settings.note_tour()
+    made = Window(settings)
     made.show()
     made.begin(str(model_path), None, None)
     wait_for(lambda: made.editor.activations is not None and made.editor.idle, app.processEvents)
     yield made
-    made._ended = True
-    made.close()
+    made.close_unsaved()
 
 
 def rest(app, window):
     wait_for(lambda: window.idle, app.processEvents)
 
 
-def action(window, title):
-    return next(item for known, item in window._actions if known.title == title)
+def test_what_cannot_be_done_is_disabled_and_a_recording_changes_its_title(app, window):
+    items = window.menus.items
+    rest(app, window)
+    assert not items["undo"].isEnabled() and not items["redo"].isEnabled()
+    assert items["open-model"].isEnabled() and items["delete"].isEnabled()
+    place(window, 100)
+    rest(app, window)
+    assert items["undo"].isEnabled()
+    items["undo"].trigger()
+    assert items["redo"].isEnabled() and not items["undo"].isEnabled()
+    items["record"].trigger()
+    assert items["record"].text() == "Stop recording" and window.recording
 
 
 def place(window, *vertices):
@@ -85,41 +96,43 @@ def place(window, *vertices):
 
 
 def test_every_action_has_a_menu_entry_and_no_key_is_given_twice(window):
-    keys = [item.shortcut().toString() for _, item in window._actions]
+    items = window.menus.items
+    assert list(items) == [action.id for action in ACTIONS]
+    keys = [item.shortcut().toString() for item in items.values()]
     keys = [key for key in keys if key]
     assert len(keys) == len(set(keys)) > 20
-    assert all(item.text() for _, item in window._actions)
+    assert all(item.text() for item in items.values())
 
 
 def test_docks_show_what_is_selected_and_numbers_move_it(app, window):
     place(window, 100, 60)
     rest(app, window)
-    panel = window._handles
-    assert panel._table.rowCount() == 2
-    panel._table.selectRow(0)
+    panel = window.handle_panel
+    assert panel.table.rowCount() == 2
+    panel.table.selectRow(0)
     assert len(window.editor.selected) == 1
     rest(app, window)
     before = window.editor.edit.handle(next(iter(window.editor.selected))).centre
-    panel._fields[1].setValue(before[1] + 0.3)
+    panel.coordinates[1].setValue(before[1] + 0.3)
     rest(app, window)
     after = window.editor.edit.handle(next(iter(window.editor.selected))).centre
     assert after[1] == pytest.approx(before[1] + 0.3, abs=1e-4)
     assert after[0] == pytest.approx(before[0], abs=1e-4)
-    assert "%" in panel._table.item(0, 3).text()
+    assert "%" in panel.table.item(0, 3).text()
 
 
 def test_a_slider_of_a_component_moves_the_mesh(app, window):
     rest(app, window)
     known = window.editor.activations
     k = int(known.order[0])
-    slider, _ = window._components._rows[k]
-    assert list(window._components._rows) == known.order.tolist()
+    slider = window.component_panel.sliders[k]
+    assert list(window.component_panel.sliders) == known.order.tolist()
     before = window.editor.vertices.copy()
     slider.setValue(slider.maximum())
     rest(app, window)
     assert window.editor.code[k] == pytest.approx(known.high[k], abs=1e-6)
     assert np.abs(window.editor.vertices - before).max() > 0.01
-    action(window, "Undo").trigger()
+    window.menus.items["undo"].trigger()
     rest(app, window)
     np.testing.assert_allclose(window.editor.vertices, before, atol=1e-6)
     assert slider.value() < slider.maximum()
@@ -131,7 +144,7 @@ def test_the_dial_of_the_prior_decides_how_far_a_handle_is_followed(app, window)
     window.editor.set_centre([x + 0.2, y + 0.8, z + 0.6])
     off = []
     for position in (0, 1000):
-        window._model._dial.setValue(position)
+        window.model_panel.prior.setValue(position)
         rest(app, window)
         off.append(float(window.editor.answer.pose.residual[0]))
     assert off[0] < 0.5 * off[1]
@@ -139,13 +152,14 @@ def test_the_dial_of_the_prior_decides_how_far_a_handle_is_followed(app, window)
 
 def test_a_mistake_is_a_line_in_the_window_and_nothing_is_lost(app, window, tmp_path):
     window.open_session(tmp_path / "missing.json")
-    assert not window._banner.isHidden() and "missing.json" in window._banner_text.text()
+    told = window.notices.mistake
+    assert not told.isHidden() and "missing.json" in told.text
     assert window.editor.is_open
-    window._escape()
-    assert window._banner.isHidden()
+    window.escape()
+    assert told.isHidden()
     place(window, 100)
-    window._guard(lambda: window.editor.load_target(tmp_path / "none.ply"))
-    assert "none.ply" in window._banner_text.text()
+    window.attempt(lambda: window.editor.load_target(tmp_path / "none.ply"))
+    assert "none.ply" in told.text
     assert len(window.editor.edit.handles) == 1
 
 
@@ -160,34 +174,31 @@ def test_closing_asks_only_if_something_would_be_lost(app, window, monkeypatch, 
 
     monkeypatch.setattr(QMessageBox, "question", question)
     answers = []
-    assert window._may_leave() and not asked
+    assert window.may_leave() and not asked
     place(window, 100)
     answers = [QMessageBox.StandardButton.Cancel]
-    assert not window._may_leave() and len(asked) == 1
+    assert not window.may_leave() and len(asked) == 1
     file = tmp_path / "work.json"
     monkeypatch.setattr(window, "ask_save", lambda *_: file)
     answers = [QMessageBox.StandardButton.Save]
-    assert window._may_leave() and file.is_file()
-    assert window._may_leave() and len(asked) == 2
-    assert window.places.recent[0] == str(file)
+    assert window.may_leave() and file.is_file()
+    assert window.may_leave() and len(asked) == 2
+    assert window.settings.recent[0] == str(file)
 
 
 def test_training_opens_its_model_and_can_be_cancelled(app, window, tmp_path):
     deformer.save_shapes(tmp_path / "shapes.npz", sequence())
-    window.train()
-    dialog = window._training
+    dialog = window.train()
     dialog.choose(tmp_path / "shapes.npz")
-    dialog._components.setValue(3)
-    dialog._epochs.setValue(100_000)
-    dialog._begin()
-    wait_for(
-        lambda: dialog._job.progress and dialog._job.progress.stage == "training", app.processEvents
-    )
+    dialog.components.setValue(3)
+    dialog.epochs.setValue(100_000)
+    dialog.start_button.click()
+    wait_for(lambda: dialog.stage == "training", app.processEvents)
     dialog.cancel()
-    wait_for(lambda: dialog._job is None, app.processEvents)
-    assert "Cancelled" in dialog._state.text() and not (tmp_path / "shapes-model").exists()
-    dialog._epochs.setValue(3)
-    dialog._begin()
+    wait_for(lambda: not dialog.training, app.processEvents)
+    assert "Cancelled" in dialog.status.text() and not (tmp_path / "shapes-model").exists()
+    dialog.epochs.setValue(3)
+    dialog.start_button.click()
     wait_for(
         lambda: dialog.ended and window.editor.is_open and not window.editor.preparing,
         app.processEvents,
@@ -204,29 +215,28 @@ def test_a_folder_of_shapes_is_offered_for_training(app, window, tmp_path, monke
     folder = tmp_path / "walk"
     deformer.save_shapes(folder, sequence(3))
     window.open_model(folder)
-    assert window._training.isVisible()
-    assert window._training._shapes.text() == str(folder)
-    assert window._training._output.text() == str(tmp_path / "walk-model")
+    assert window.training.isVisible()
+    assert window.training.shapes.text() == str(folder)
+    assert window.training.output.text() == str(tmp_path / "walk-model")
 
 
 def test_the_tour_goes_on_by_what_is_done(app, window):
-    window.tour()
-    first = window._tour_text.text()
+    window.tour.begin()
+    first = window.tour.text
     window.editor.place(100)
-    window._changed("drag")
-    wait_for(lambda: window._tour_text.text() != first, app.processEvents)
+    window.editor.move_selected(translation([0.0, 0.1, 0.0]))
+    wait_for(lambda: window.tour.text != first, app.processEvents)
     for _ in range(3):
-        window._next_step()
-    assert window._tour.isHidden() and window._tour_step is None
+        window.tour.go_on()
+    assert window.tour.isHidden() and not window.tour.running
 
 
 def test_training_on_nonsense_is_told_in_the_dialog(app, window, tmp_path):
-    window.train()
-    dialog = window._training
+    dialog = window.train()
     dialog.choose(tmp_path / "nothing.npz")
-    dialog._begin()
-    wait_for(lambda: dialog._job is None, app.processEvents)
-    assert "nothing.npz" in dialog._state.text()
+    dialog.start_button.click()
+    wait_for(lambda: not dialog.training, app.processEvents)
+    assert "nothing.npz" in dialog.status.text()
 
 
 # Where the shipped figure is in a new window, in pixels of the screen.
@@ -384,9 +394,9 @@ def test_a_person_poses_the_shipped_figure_and_finds_it_as_it_was_left(display, 
         person.key("ctrl+shift+s")
         person.answer("Save session", str(file))
         person.wait(file.is_file)
-        held = {h.kind: reference[h.vertices[0]] for h in saved().edit.handles}
+        found = {h.kind: reference[h.vertices[0]] for h in saved().edit.handles}
         assert len(saved().edit.handles) == 3
-        assert held["pin"][2] < 0.15 < 0.6 < held["soft"][2], "feet are low, the hand is not"
+        assert found["pin"][2] < 0.15 < 0.6 < found["soft"][2], "feet are low, the hand is not"
 
         # An arm up: back to the side, forth again.
         before, steps = saved(), len(saved().entries)

@@ -1,0 +1,38 @@
+"""What leaves an editor for other programs: the pose, the handles, the picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from deformer import InputError, Mesh, io
+from deformer_app.rendering.offscreen import save_picture
+from deformer_app.viewer.editor import Editor
+
+
+def export_pose(editor: Editor, path: str | Path) -> None:
+    """Write the surface of the newest pose as a mesh file.
+
+    Raises:
+        InputError: there is no pose yet.
+    """
+    if editor.preparing:
+        raise InputError(f"{path}: the solver is still being prepared; try again in a moment")
+    io.save_mesh(path, Mesh(editor.vertices, editor.model.reference.faces))
+
+
+def export_handles(editor: Editor, path: str | Path) -> None:
+    """Write the targets as `deformer fit` reads them.
+
+    Raises:
+        InputError: there are no handles.
+    """
+    # A vertex may belong to several handles; a file names it once.
+    rows = list({row["vertex"]: row for row in editor.session.summary()["handles"]}.values())
+    if not rows:
+        raise InputError(f"{path}: there are no handles to write; place one first")
+    io.write_json(path, {"handles": rows})
+
+
+def save_screenshot(editor: Editor, path: str | Path) -> None:
+    """Write the picture as it is, sharply."""
+    save_picture(path, editor.state.view.picture())

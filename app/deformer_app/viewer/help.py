@@ -1,0 +1,32 @@
+"""What the help says: all keys, and what the mouse does."""
+
+from __future__ import annotations
+
+from deformer_app.viewer.actions import ACTIONS, MENUS
+
+MOUSE = (
+    ("Click the surface", "place a handle"),
+    ("Drag the surface or a handle", "pull it"),
+    ("Shift while dragging", "a tenth of the way"),
+    ("Shift-click", "select one more"),
+    ("Ctrl-drag", "select by a box"),
+    ("Drag beside the body, or right button", "orbit"),
+    ("Middle button, or Shift and right", "pan"),
+    ("Wheel", "zoom to the cursor"),
+    ("Esc", "give up a drag"),
+)
+
+
+def help_groups() -> dict[str, list[tuple[str, str]]]:
+    """Return all keys and what the mouse does, by menu: what to press and what it does."""
+    groups = {"Mouse": list(MOUSE)}
+    for menu in MENUS:
+        groups[menu] = [(a.key, a.title.rstrip("…")) for a in ACTIONS if a.key and a.menu == menu]
+    return groups
+
+
+def help_text() -> str:
+    """Return all keys and what the mouse does, as lines of text."""
+    rows = [row for group in help_groups().values() for row in group]
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(f"{name:<{width}}  {what}" for name, what in rows)

@@ -1,0 +1,45 @@
+"""Which model and session to begin with, and the poses that a model can start from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import deformer
+from deformer import DeformationModel
+from deformer_app.viewer.session import Session
+
+
+def first_model(model: str | None, session: Path | None) -> tuple[str, Session | None]:
+    """Find the model to open first, and the session to open with it, before there is a window.
+
+    Args:
+        model: shipped name or path; None takes the session's, or the shipped figure.
+        session: a session's file, or None.
+
+    Raises:
+        InputError: no such model, a session that is damaged, missing or of another model.
+    """
+    saved = Session.load(session) if session is not None else None
+    name = model or (saved.model.path if saved else "humanoid")
+    loaded = deformer.load_model(name)
+    if saved is not None and session is not None:
+        saved.check_fits(loaded, session)
+    return name, saved
+
+
+def start_codes(model: DeformationModel) -> dict[str, NDArray[np.float64]]:
+    """Latent codes (K,) to start from, by name: the reference, the mean, every training shape."""
+    train = model.split.get("train") or range(len(model.codes))
+    codes = {f"Shape {n}": z for n, z in zip(train, model.codes, strict=False)}
+    first = codes.get(f"Shape {model.summary.get('reference', 0)}")
+    if first is None:
+        first = model.encode(model.reference.vertices)
+    return {"Reference": first, "Mean": model.latent_mean, **codes}
+
+
+def stored_name(path: str | Path) -> str:
+    """Return how a session names a model: a shipped model's name, or an absolute path."""
+    return str(path) if str(path) in deformer.shipped_models() else str(Path(path).resolve())

@@ -1,0 +1,74 @@
+"""The tour: a line below the picture that goes on when the user has done what it says."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QTimer
+
+from deformer_app.viewer.changes import CameraMoved, Change, HandlesDragged, HistoryChanged
+from deformer_app.viewer.editor import Editor
+from deformer_app.viewer.qt.notices import Strip
+
+_PAUSE = 900  # milliseconds between what the user does and the next step
+# What a step says, and the change by which it is done.
+_STEPS: tuple[tuple[str, type[Change] | None], ...] = (
+    (
+        "Press the left button on a hand and pull it. The rest follows as in the examples.",
+        HandlesDragged,
+    ),
+    ("Drag beside the body to look around it; the wheel zooms to the cursor.", CameraMoved),
+    ("Click a foot and press P: pinned, it stays where it is.", HistoryChanged),
+    ("Ctrl+Z takes a step back, without end. F1 lists all keys. Enjoy!", None),
+)
+
+
+class Tour(Strip):
+    """The steps of the tour, one at a time.
+
+    Args:
+        editor: what the user tries it on.
+    """
+
+    def __init__(self, editor: Editor) -> None:
+        """Begin with nothing to show."""
+        super().__init__("tour", ("Next", self.go_on), ("End tour", self.end))
+        self._editor = editor
+        self._step: int | None = None
+        editor.on_change.append(self._hear)
+
+    @property
+    def running(self) -> bool:
+        """True while a step is shown."""
+        return self._step is not None
+
+    def begin(self) -> None:
+        """Show the first step."""
+        self._show(0)
+
+    def go_on(self) -> None:
+        """Show the next step; after the last one, end."""
+        step = -1 if self._step is None else self._step
+        if step + 1 < len(_STEPS):
+            self._show(step + 1)
+        else:
+            self.end()
+
+    def end(self) -> None:
+        """Show nothing any more."""
+        self._step = None
+        self.hide()
+
+    def _show(self, step: int) -> None:
+        self._step = step
+        self.say(f"<b>{step + 1} of {len(_STEPS)}</b>&nbsp;&nbsp; {_STEPS[step][0]}")
+        self.show()
+
+    def _hear(self, change: Change) -> None:
+        if self._step is None:
+            return
+        done_by = _STEPS[self._step][1]
+        if done_by is not None and isinstance(change, done_by):
+            QTimer.singleShot(_PAUSE, lambda step=self._step: self._go_on_from(step))
+
+    def _go_on_from(self, step: int) -> None:
+        if self._step == step and not self._editor.dragging:
+            self.go_on()
