@@ -11,7 +11,14 @@ import pyvista as pv
 
 from deformer import InputError
 from deformer_app.viewer.actions import ACTIONS
-from deformer_app.viewer.changes import Change, FrameDrawn, MistakeMade, NoticeGiven
+from deformer_app.viewer.changes import (
+    Change,
+    FrameDrawn,
+    MistakeMade,
+    ModelOpened,
+    NoticeGiven,
+    PoseChanged,
+)
 from deformer_app.viewer.editor import Editor
 from deformer_app.viewer.events import KeyPressed
 from deformer_app.viewer.help import help_text
@@ -19,6 +26,7 @@ from deformer_app.viewer.scene import MeshView
 from deformer_app.viewer.session import Session
 from deformer_app.viewer.vtk_input import listen
 
+_PREPARING = "Deformer (preparing)"
 _PAUSE = 0.004  # seconds between two polls of the events
 _NAMES = {"Delete": "Del", "BackSpace": "Del", "question": "F1", "bracketleft": "[",
           "bracketright": "]"}  # fmt: skip
@@ -42,7 +50,7 @@ class PlainWindow:
         size: tuple[int, int] = (1100, 850),
     ) -> None:
         """Open the window."""
-        self.plotter: Any = pv.Plotter(window_size=list(size), title="Deformer", lighting="none")
+        self.plotter: Any = pv.Plotter(window_size=list(size), title=_PREPARING, lighting="none")
         self.plotter.show(interactive_update=True, auto_close=False)
         self.editor = Editor(MeshView(self.plotter))
         self._file = file or Path("session.json")
@@ -60,7 +68,9 @@ class PlainWindow:
         while self._open:
             interactor.process_events()
             self.editor.tick()
-            time.sleep(_PAUSE)
+            # Drawing holds Python's lock: on a busy machine nothing would be left to the solver.
+            frame = self.editor.state.view.frame_milliseconds / 1000
+            time.sleep(max(_PAUSE, frame) if self.editor.preparing else _PAUSE)
         self.editor.close()
         self.plotter.close()
         return self.editor.session
@@ -91,6 +101,11 @@ class PlainWindow:
         match change:
             case MistakeMade(text) | NoticeGiven(text):
                 self._say(text)
+            case ModelOpened():
+                self.plotter.render_window.SetWindowName(_PREPARING)
+            case PoseChanged():
+                name = Path(self.editor.session.model.path).name
+                self.plotter.render_window.SetWindowName(f"{name} - Deformer")
             case FrameDrawn() if not self._asked_to_close:
                 self._show_status()
 

@@ -444,14 +444,13 @@ def test_the_plain_window_pulls_and_saves(display, model_path, tmp_path):
     work.save(file)
     person = Person(display, tmp_path, "--plain", "--session", file)
 
-    def pulled():
-        person.drag((550, 425), (555, 400), (560, 380), (565, 360))
-        person.xdotool("key", "ctrl+s")
-        time.sleep(0.3)
-        entries = json.loads(file.read_text())["entries"]
-        return any("rag" in entry["label"] for entry in entries)
-
     try:
-        person.wait(pulled)
+        person.be_ready()
+        person.drag((550, 425), (555, 400), (560, 380), (565, 360))
+        file.unlink()
+        person.key("ctrl+s")
+        person.wait(file.is_file)
+        labels = [entry.label for entry in Session.load(file).entries]
+        assert labels == ["Start", "Place and drag"]
     finally:
         person.end()
