@@ -20,36 +20,39 @@ from deformer.geometry import FloatArray, IntArray
 _LEAF = 32
 
 
+# The compiled functions here run once a model. They are written as plain loops: sorting, lists and
+# assignments between arrays would each take longer to compile than all of these loops.
+
+
 @njit(cache=True)
-def _cut(part, indptr, indices, key, side):
-    """Sort part by key and split it at the median: side 1 and 2. Boundary sizes of both sides."""
-    ranked = part[np.argsort(key[part])]
-    half = len(ranked) // 2
-    for k in range(len(ranked)):
-        side[ranked[k]] = 1 if k < half else 2
+def _halve(ranked, row, lo, hi, indptr, indices, side):
+    """Split ranked[row, lo:hi] at its median into side 1 and 2; boundary sizes of both sides."""
+    half = lo + (hi - lo) // 2
+    for k in range(lo, hi):
+        side[ranked[row, k]] = 1 if k < half else 2
     first = second = 0
-    for i in ranked:
-        other = 3 - side[i]
+    for k in range(lo, hi):
+        i = ranked[row, k]
         for e in range(indptr[i], indptr[i + 1]):
-            if side[indices[e]] == other:
-                if other == 2:
+            if side[indices[e]] == 3 - side[i]:
+                if k < half:
                     first += 1
                 else:
                     second += 1
                 break
-    return ranked, first, second
+    return first, second
 
 
 @njit(cache=True)
-def _breadth_first(part, indptr, indices, side, key):
-    """Number part along its edges, from one end to the other: a key where points are no help."""
-    queue = part.copy()
-    end = part[0]
+def _breadth_first(ranked, row, lo, hi, indptr, indices, side, queue):
+    """Rank a piece along its edges, from one end to the other, where points are no help."""
+    end = ranked[row, lo]
     for _ in range(2):
-        side[part] = 1
-        head = tail = 0
-        for k in range(-1, len(part)):
-            start = part[k] if k >= 0 else end
+        for k in range(lo, hi):
+            side[ranked[row, k]] = 1
+        head = tail = lo
+        for k in range(lo - 1, hi):
+            start = ranked[row, k] if k >= lo else end
             if side[start] == 1:
                 side[start] = 0
                 queue[tail] = start
@@ -63,97 +66,120 @@ def _breadth_first(part, indptr, indices, side, key):
                         side[j] = 0
                         queue[tail] = j
                         tail += 1
-        end = queue[-1]
-    for k in range(len(part)):
-        key[queue[k]] = k
+        end = queue[hi - 1]
+    for k in range(lo, hi):
+        ranked[row, k] = queue[k]
 
 
 @njit(cache=True)
-def _dissect(indptr, indices, points, leaf, depth):
-    """Order (n,) and its supernodes (start, stop, task), by start.
+def _dissect(indptr, indices, ranked, leaf, depth, nodes):
+    """Order, the last row of `ranked`, and its supernodes (start, stop, task); their number.
 
-    Pieces that are left after `depth` cuts are numbered as tasks; the separators of those cuts
-    belong to none, −1.
+    The first rows of `ranked` (4, n) are the vertices sorted by x, y and z. Pieces that are left
+    after `depth` cuts are numbered as tasks; the separators of those cuts belong to none, −1.
     """
     n = len(indptr) - 1
-    order = np.arange(n)
+    chosen = len(ranked) - 1
     side = np.zeros(n, dtype=np.int8)
-    key = np.empty(n)
-    tasks = 0
-    nodes = [(0, 0, 0) for _ in range(0)]
-    stack = [(0, n, 0, -1)]
-    while len(stack):
-        lo, hi, level, task = stack.pop()
+    spare = np.empty(n, dtype=np.int64)
+    place = np.empty(5, dtype=np.int64)
+    # Pieces (start, stop, level, task) that wait: two a level at most, and halves are halved.
+    stack = np.empty((256, 4), dtype=np.int64)
+    stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = 0, n, 0, -1
+    waiting, tasks, found = 1, 0, 0
+    while waiting > 0:
+        waiting -= 1
+        lo, hi = stack[waiting, 0], stack[waiting, 1]
+        level, task = stack[waiting, 2], stack[waiting, 3]
         size = hi - lo
         if size == 0:
             continue
         if task < 0 and (level == depth or size <= leaf):
             task, tasks = tasks, tasks + 1
-        if size <= leaf:
-            nodes.append((lo, hi, task))
+        dense = size <= leaf
+        first = second = 0
+        if not dense:
+            best, axis = n + 1, 0
+            for a in range(chosen):
+                first, second = _halve(ranked, a, lo, hi, indptr, indices, side)
+                if min(first, second) < best:
+                    best, axis = min(first, second), a
+            for k in range(lo, hi):
+                side[ranked[axis, k]] = 0
+            if 3 * best > size:
+                # No plane separates it, as where a mesh is shrunk to a point: by its edges alone.
+                _breadth_first(ranked, chosen, lo, hi, indptr, indices, side, spare)
+            else:
+                for k in range(lo, hi):
+                    ranked[chosen, k] = ranked[axis, k]
+            first, second = _halve(ranked, chosen, lo, hi, indptr, indices, side)
+            if 3 * min(first, second) > size:
+                # Everything touches everything: a dense block.
+                dense = True
+                if task < 0:
+                    task, tasks = tasks, tasks + 1
+        if dense:
+            nodes[found, 0], nodes[found, 1], nodes[found, 2] = lo, hi, task
+            found += 1
+            for k in range(lo, hi):
+                side[ranked[chosen, k]] = 0
             continue
-        part = order[lo:hi].copy()
-        best, axis = n + 1, 0
-        for a in range(points.shape[1]):
-            _, first, second = _cut(part, indptr, indices, points[:, a], side)
-            if min(first, second) < best:
-                best, axis = min(first, second), a
-        if 3 * best > size:
-            # No plane separates it, as where a mesh is shrunk to a point: by its edges alone.
-            side[part] = 0
-            _breadth_first(part, indptr, indices, side, key)
-            ranked, first, second = _cut(part, indptr, indices, key, side)
-        else:
-            ranked, first, second = _cut(part, indptr, indices, points[:, axis], side)
-        if 3 * min(first, second) > size:
-            # Everything touches everything: a dense block.
-            side[part] = 0
-            if task < 0:
-                task, tasks = tasks, tasks + 1
-            nodes.append((lo, hi, task))
-            continue
+        # The separator, side 3: the smaller of the two boundaries.
         mine = 1 if first <= second else 2
-        for i in ranked:
+        for k in range(lo, hi):
+            i = ranked[chosen, k]
             if side[i] == mine:
                 for e in range(indptr[i], indptr[i + 1]):
                     if side[indices[e]] == 3 - mine:
                         side[i] = 3
                         break
-        place = lo
-        bounds = np.empty(4, dtype=np.int64)
-        for value in range(1, 4):
-            bounds[value - 1] = place
-            for i in ranked:
-                if side[i] == value:
-                    order[place] = i
-                    place += 1
-        side[part] = 0
-        if bounds[2] < hi:
-            nodes.append((bounds[2], hi, task))
-        stack.append((bounds[0], bounds[1], level + 1, task))
-        stack.append((bounds[1], bounds[2], level + 1, task))
-    return order, np.array(nodes)
+        for d in range(5):
+            place[d] = 0
+        for k in range(lo, hi):
+            place[side[ranked[chosen, k]] + 1] += 1
+        second_start = lo + place[2]
+        separator = second_start + place[3]
+        # Every row is sorted by side, and otherwise stays in order.
+        for a in range(len(ranked)):
+            place[1], place[2], place[3] = lo, second_start, separator
+            for k in range(lo, hi):
+                i = ranked[a, k]
+                spare[place[side[i]]] = i
+                place[side[i]] += 1
+            for k in range(lo, hi):
+                ranked[a, k] = spare[k]
+        for k in range(lo, hi):
+            side[ranked[chosen, k]] = 0
+        if separator < hi:
+            nodes[found, 0], nodes[found, 1], nodes[found, 2] = separator, hi, task
+            found += 1
+        for half in range(2):
+            stack[waiting, 0] = lo if half == 0 else second_start
+            stack[waiting, 1] = second_start if half == 0 else separator
+            stack[waiting, 2], stack[waiting, 3] = level + 1, task
+            waiting += 1
+    return found
 
 
 @njit(cache=True)
-def _boundaries(indptr, indices, place, order, starts):
-    """Rows below every supernode (bounds, rows) and the supernode that takes its update."""
+def _boundaries(indptr, indices, place, order, starts, owner, mark, links, bounds):
+    """Rows below every supernode, unsorted; into `bounds` (N + 1,) their slices.
+
+    Into the last row of `links` (3, N), −1 at first, the supernode that takes each one's update.
+    `owner` (n,) is the supernode of every place, `mark` (n,) −1.
+    """
     n, N = len(order), len(starts) - 1
-    owner = np.empty(n, dtype=np.int64)
-    for s in range(N):
-        owner[starts[s] : starts[s + 1]] = s
-    mark = np.full(n, -1)
-    head, following, parent = np.full(N, -1), np.full(N, -1), np.full(N, -1)
-    bounds = np.zeros(N + 1, dtype=np.int64)
     rows = np.empty(8 * n, dtype=np.int32)
     top = 0
+    bounds[0] = 0
     for s in range(N):
         hi = starts[s + 1]
-        begin = top
         if top + n > len(rows):
             longer = np.empty(2 * len(rows) + n, dtype=np.int32)
-            longer[:top] = rows[:top]
+            for k in range(top):
+                longer[k] = rows[k]
             rows = longer
+        nearest = n
         for k in range(starts[s], hi):
             for e in range(indptr[order[k]], indptr[order[k] + 1]):
                 j = place[indices[e]]
@@ -161,7 +187,8 @@ def _boundaries(indptr, indices, place, order, starts):
                     mark[j] = s
                     rows[top] = j
                     top += 1
-        child = head[s]
+                    nearest = min(nearest, j)
+        child = links[0, s]
         while child >= 0:
             for e in range(bounds[child], bounds[child + 1]):
                 j = rows[e]
@@ -169,14 +196,15 @@ def _boundaries(indptr, indices, place, order, starts):
                     mark[j] = s
                     rows[top] = j
                     top += 1
-            child = following[child]
-        rows[begin:top].sort()
+                    nearest = min(nearest, j)
+            child = links[1, child]
         bounds[s + 1] = top
-        if top > begin:
-            parent[s] = owner[rows[begin]]
-            following[s] = head[parent[s]]
-            head[parent[s]] = s
-    return bounds, rows[:top].copy(), parent
+        if nearest < n:
+            parent = owner[nearest]
+            links[2, s] = parent
+            links[1, s] = links[0, parent]
+            links[0, parent] = s
+    return rows[:top]
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,15 +246,29 @@ def dissect(indptr: IntArray, indices: IntArray, points: FloatArray, depth: int)
         points: (n, 3).
         depth: 2^depth parts are kept apart as tasks, where the mesh is large enough.
     """
-    order, nodes = _dissect(indptr, indices, points, _LEAF, depth)
+    n = len(indptr) - 1
+    by_axis = [np.argsort(points[:, axis], kind="stable") for axis in range(3)]
+    ranked = np.array([*by_axis, np.arange(n)], dtype=np.int64)
+    nodes: IntArray = np.empty((n, 3), dtype=np.int64)
+    nodes = nodes[: _dissect(indptr, indices, ranked, _LEAF, depth, nodes)]
+    order = ranked[-1]
     # The separators between tasks come last.
     last = nodes[:, 2].max() + 1
     rank = np.where(nodes[:, 2] < 0, last, nodes[:, 2])
     nodes, rank = (array[np.lexsort((nodes[:, 0], rank))] for array in (nodes, rank))
     order = np.concatenate([order[lo:hi] for lo, hi, _ in nodes])
-    starts = np.concatenate([[0], np.cumsum(nodes[:, 1] - nodes[:, 0])])
+    sizes = nodes[:, 1] - nodes[:, 0]
+    starts = np.concatenate([[0], np.cumsum(sizes)])
     place = np.empty_like(order)
-    place[order] = np.arange(len(order))
-    bounds, rows, parent = _boundaries(indptr, indices, place, order, starts)
+    place[order] = np.arange(n)
+    owner = np.repeat(np.arange(len(nodes)), sizes)
+    links = np.full((3, len(nodes)), -1)
+    bounds = np.empty(len(nodes) + 1, dtype=np.int64)
+    unsorted = _boundaries(
+        indptr, indices, place, order, starts, owner, np.full(n, -1), links, bounds
+    )
+    # Sorted within each supernode: one sort of supernode and row together.
+    first_key = n * np.repeat(np.arange(len(nodes)), np.diff(bounds))
+    rows = (np.sort(first_key + unsorted) - first_key).astype(np.int32)
     tasks = np.searchsorted(rank, np.arange(last + 1))
-    return Dissection(indptr, indices, order, place, starts, bounds, rows, parent, tasks)
+    return Dissection(indptr, indices, order, place, starts, bounds, rows, links[2], tasks)

@@ -25,54 +25,62 @@ from deformer.linalg.threads import CORES, together
 _SMALLEST_PART = 8000
 
 
-@njit(cache=True, error_model="numpy")
-def _factor(indptr, indices, data, order, place, starts, bounds, rows, parent):
+# Dense blocks are factored by numpy's LAPACK and BLAS. What is compiled here is plain loops: with
+# assignments between slices, or matrices factored in them, they would take many times as long to
+# compile.
+
+
+@njit(cache=True)
+def _assemble(s, indptr, indices, data, order, place, starts, bounds, rows, row_of, front):
+    """Add A's columns of supernode s to its front (w + m, w + m); fill in where its rows are."""
+    lo, w = starts[s], starts[s + 1] - starts[s]
+    for k in range(w):
+        row_of[lo + k] = k
+    for e in range(bounds[s], bounds[s + 1]):
+        row_of[rows[e]] = w + e - bounds[s]
+    for k in range(w):
+        i = order[lo + k]
+        for e in range(indptr[i], indptr[i + 1]):
+            j = place[indices[e]]
+            if j >= lo:
+                front[row_of[j], k] += data[e]
+
+
+@njit(cache=True)
+def _add_update(first, last, rows, row_of, update, front):
+    """Add the update (m, m) of a child with the rows first…last − 1 to the front."""
+    for a in range(last - first):
+        row = row_of[rows[first + a]]
+        for b in range(last - first):
+            front[row, row_of[rows[first + b]]] += update[a, b]
+
+
+def _factor(A: sparse.csr_array, plan: Dissection) -> tuple[IntArray, FloatArray]:
     """Blocks [F⁻¹; −B F⁻¹] (w + m, w) of all supernodes, one after the other, and their slices."""
-    N = len(starts) - 1
-    slices = np.zeros(N + 1, dtype=np.int64)
-    for s in range(N):
-        w = starts[s + 1] - starts[s]
-        slices[s + 1] = slices[s] + w * (w + bounds[s + 1] - bounds[s])
-    blocks = np.empty(slices[N])
-    nothing = np.empty((0, 0))
-    updates = [nothing for _ in range(N)]
-    head, following = np.full(N, -1), np.full(N, -1)
-    where = np.empty(len(order), dtype=np.int64)
-    for s in range(N):
-        lo, w = starts[s], starts[s + 1] - starts[s]
-        below = rows[bounds[s] : bounds[s + 1]]
-        m = len(below)
+    if not np.isfinite(A.data).all():
+        raise np.linalg.LinAlgError("the matrix has infs or NaNs")
+    indptr, indices = plan.indptr, plan.indices
+    width, below = np.diff(plan.starts), np.diff(plan.bounds)
+    slices: IntArray = np.concatenate([[0], np.cumsum(width * (width + below))])
+    blocks = np.empty(slices[-1])
+    children: list[list[tuple[int, FloatArray]]] = [[] for _ in width]
+    row_of = np.empty(len(plan.order), dtype=np.int64)
+    nodes = plan.starts, plan.bounds, plan.rows
+    parents, bounds = plan.parent.tolist(), plan.bounds.tolist()
+    for s, (w, m) in enumerate(zip(width.tolist(), below.tolist(), strict=True)):
         front = np.zeros((w + m, w + m))
-        for k in range(w):
-            where[lo + k] = k
-        for k in range(m):
-            where[below[k]] = w + k
-        for k in range(w):
-            i = order[lo + k]
-            for e in range(indptr[i], indptr[i + 1]):
-                j = place[indices[e]]
-                if j >= lo:
-                    front[where[j], k] += data[e]
-        child = head[s]
-        while child >= 0:
-            update = updates[child]
-            mine = where[rows[bounds[child] : bounds[child + 1]]]
-            for a in range(len(mine)):
-                for b in range(len(mine)):
-                    front[mine[a], mine[b]] += update[a, b]
-            updates[child] = nothing
-            child = following[child]
-        L = np.linalg.cholesky(np.ascontiguousarray(front[:w, :w]))
-        X = np.linalg.inv(L)
+        _assemble(s, indptr, indices, A.data, plan.order, plan.place, *nodes, row_of, front)
+        for child, update in children[s]:
+            _add_update(bounds[child], bounds[child + 1], plan.rows, row_of, update, front)
+        children[s].clear()
+        X = np.linalg.inv(np.linalg.cholesky(front[:w, :w]))
         block = blocks[slices[s] : slices[s + 1]].reshape(w + m, w)
-        block[:w] = X.T @ X
+        np.matmul(X.T, X, out=block[:w])
         if m:
             # By way of L⁻¹, not F⁻¹: what is taken off never exceeds what is there, by rounding.
-            Y = np.ascontiguousarray(front[w:, :w]) @ X.T
-            block[w:] = -(Y @ X)
-            updates[s] = front[w:, w:] - Y @ Y.T
-            following[s] = head[parent[s]]
-            head[parent[s]] = s
+            Y = front[w:, :w] @ X.T
+            np.matmul(-Y, X, out=block[w:])
+            children[parents[s]].append((s, front[w:, w:] - Y @ Y.T))
     return slices, blocks
 
 
@@ -82,142 +90,167 @@ def _forward(first, last, begin, starts, bounds, rows, slices, blocks, x, tail):
 
     Of a right-hand side with few entries only the supernodes that they reach are touched.
     """
+    columns = x.shape[1]
     for s in range(first, last):
         lo, w = starts[s], starts[s + 1] - starts[s]
-        if not x[lo : lo + w].any():
+        reached = False
+        for k in range(w):
+            for c in range(columns):
+                if x[lo + k, c] != 0:
+                    reached = True
+        m = bounds[s + 1] - bounds[s]
+        if m == 0 or not reached:
             continue
-        block = blocks[slices[s] : slices[s + 1]].reshape(-1, w)
-        below = rows[bounds[s] : bounds[s + 1]]
-        if len(below) == 0:
-            continue
+        block = blocks[slices[s] : slices[s + 1]].reshape(w + m, w)
         change = np.dot(block[w:], x[lo : lo + w])
-        for k in range(len(below)):
-            r = below[k]
-            row = x[r] if r < begin else tail[r - begin]
-            for c in range(x.shape[1]):
-                row[c] += change[k, c]
+        for k in range(m):
+            r = rows[bounds[s] + k]
+            for c in range(columns):
+                if r < begin:
+                    x[r, c] += change[k, c]
+                else:
+                    tail[r - begin, c] += change[k, c]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _backward(first, last, starts, bounds, rows, slices, blocks, x):
     """Solution of supernodes last − 1…first, in place."""
-    sums = np.empty(len(x), dtype=x.dtype)
+    columns = x.shape[1]
+    sums = np.empty(len(x))
     for s in range(last - 1, first - 1, -1):
         lo, w = starts[s], starts[s + 1] - starts[s]
-        block = blocks[slices[s] : slices[s + 1]].reshape(-1, w)
-        below = rows[bounds[s] : bounds[s + 1]]
-        if x.shape[1] == 1:
+        m = bounds[s + 1] - bounds[s]
+        below = bounds[s] - w
+        if columns == 1:
             # BLAS takes twice as long for a single column.
-            total = sums[:w]
-            total[:] = 0
-            for j in range(len(block)):
-                row, u = block[j], x[lo + j if j < w else below[j - w], 0]
+            o = slices[s]
+            for k in range(w):
+                sums[k] = 0
+            for j in range(w + m):
+                u = x[lo + j if j < w else rows[below + j], 0]
                 for k in range(w):
-                    total[k] += row[k] * u
-            x[lo : lo + w, 0] = total
+                    sums[k] += blocks[o + k] * u
+                o += w
+            for k in range(w):
+                x[lo + k, 0] = sums[k]
             continue
-        gathered = np.empty((len(block), x.shape[1]), dtype=x.dtype)
-        gathered[:w] = x[lo : lo + w]
-        for k in range(len(below)):
-            gathered[w + k] = x[below[k]]
-        x[lo : lo + w] = np.dot(block.T, gathered)
+        gathered = np.empty((w + m, columns))
+        for j in range(w + m):
+            r = lo + j if j < w else rows[below + j]
+            for c in range(columns):
+                gathered[j, c] = x[r, c]
+        block = blocks[slices[s] : slices[s + 1]].reshape(w + m, w)
+        solution = np.dot(block.T, gathered)
+        for k in range(w):
+            for c in range(columns):
+                x[lo + k, c] = solution[k, c]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _forward_three(first, last, begin, starts, bounds, rows, slices, blocks, x, tail):
-    """`_forward` for three columns, with blocks (w, m) of −B F⁻¹ by column."""
-    sums = np.empty((3, len(x)), dtype=x.dtype)
+    """`_forward` for three columns in single precision, blocks (w, m) of −B F⁻¹ by column."""
+    most = 0
+    for s in range(first, last):
+        most = max(most, bounds[s + 1] - bounds[s])
+    sums = np.empty((3, most), dtype=np.float32)
     for s in range(first, last):
         lo, w = starts[s], starts[s + 1] - starts[s]
-        below = rows[bounds[s] : bounds[s + 1]]
-        m = len(below)
-        block = blocks[slices[s] : slices[s + 1]].reshape(w, m)
-        s0, s1, s2 = sums[0, :m], sums[1, :m], sums[2, :m]
-        s0[:], s1[:], s2[:] = 0, 0, 0
-        k = 0
+        below, m = bounds[s], bounds[s + 1] - bounds[s]
+        s0, s1, s2 = sums[0], sums[1], sums[2]
+        for j in range(m):
+            s0[j] = s1[j] = s2[j] = 0
+        o, k = slices[s], 0
+        # Columns of the block four at a time: each pass over the sums does four times the work.
         while k + 4 <= w:
-            a, b, c, d = block[k], block[k + 1], block[k + 2], block[k + 3]
-            u, v = x[lo + k], x[lo + k + 1]
-            y, z = x[lo + k + 2], x[lo + k + 3]
-            u0, u1, u2, v0, v1, v2 = u[0], u[1], u[2], v[0], v[1], v[2]
-            y0, y1, y2, z0, z1, z2 = y[0], y[1], y[2], z[0], z[1], z[2]
+            a, b = blocks[o : o + m], blocks[o + m : o + 2 * m]
+            c, d = blocks[o + 2 * m : o + 3 * m], blocks[o + 3 * m : o + 4 * m]
+            i = lo + k
+            u0, u1, u2, v0, v1, v2 = (
+                x[i, 0],
+                x[i, 1],
+                x[i, 2],
+                x[i + 1, 0],
+                x[i + 1, 1],
+                x[i + 1, 2],
+            )
+            i += 2
+            y0, y1, y2, z0, z1, z2 = (
+                x[i, 0],
+                x[i, 1],
+                x[i, 2],
+                x[i + 1, 0],
+                x[i + 1, 1],
+                x[i + 1, 2],
+            )
             for j in range(m):
                 s0[j] += a[j] * u0 + b[j] * v0 + c[j] * y0 + d[j] * z0
                 s1[j] += a[j] * u1 + b[j] * v1 + c[j] * y1 + d[j] * z1
                 s2[j] += a[j] * u2 + b[j] * v2 + c[j] * y2 + d[j] * z2
-            k += 4
+            o, k = o + 4 * m, k + 4
         while k < w:
-            a, u = block[k], x[lo + k]
-            u0, u1, u2 = u[0], u[1], u[2]
+            a = blocks[o : o + m]
+            u0, u1, u2 = x[lo + k, 0], x[lo + k, 1], x[lo + k, 2]
             for j in range(m):
                 s0[j] += a[j] * u0
                 s1[j] += a[j] * u1
                 s2[j] += a[j] * u2
-            k += 1
+            o, k = o + m, k + 1
         for j in range(m):
-            r = below[j]
-            row = x[r] if r < begin else tail[r - begin]
-            row[0] += s0[j]
-            row[1] += s1[j]
-            row[2] += s2[j]
+            r = rows[below + j]
+            if r < begin:
+                x[r, 0] += s0[j]
+                x[r, 1] += s1[j]
+                x[r, 2] += s2[j]
+            else:
+                tail[r - begin, 0] += s0[j]
+                tail[r - begin, 1] += s1[j]
+                tail[r - begin, 2] += s2[j]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _backward_three(first, last, starts, bounds, rows, slices, blocks, x):
-    """`_backward` for three columns."""
-    sums = np.empty((3, len(x)), dtype=x.dtype)
+    """`_backward` for three columns in single precision."""
+    widest = 0
+    for s in range(first, last):
+        widest = max(widest, starts[s + 1] - starts[s])
+    sums = np.empty((3, widest), dtype=np.float32)
     for s in range(last - 1, first - 1, -1):
         lo, w = starts[s], starts[s + 1] - starts[s]
-        below = rows[bounds[s] : bounds[s + 1]]
-        n = w + len(below)
-        block = blocks[slices[s] : slices[s + 1]].reshape(n, w)
-        s0, s1, s2 = sums[0, :w], sums[1, :w], sums[2, :w]
-        s0[:], s1[:], s2[:] = 0, 0, 0
-        j = 0
+        n = w + bounds[s + 1] - bounds[s]
+        below = bounds[s] - w
+        s0, s1, s2 = sums[0], sums[1], sums[2]
+        for k in range(w):
+            s0[k] = s1[k] = s2[k] = 0
+        o, j = slices[s], 0
         while j + 4 <= n:
-            a, b, c, d = block[j], block[j + 1], block[j + 2], block[j + 3]
-            u = x[lo + j if j < w else below[j - w]]
-            v = x[lo + j + 1 if j + 1 < w else below[j + 1 - w]]
-            y = x[lo + j + 2 if j + 2 < w else below[j + 2 - w]]
-            z = x[lo + j + 3 if j + 3 < w else below[j + 3 - w]]
-            u0, u1, u2, v0, v1, v2 = u[0], u[1], u[2], v[0], v[1], v[2]
-            y0, y1, y2, z0, z1, z2 = y[0], y[1], y[2], z[0], z[1], z[2]
+            a, b = blocks[o : o + w], blocks[o + w : o + 2 * w]
+            c, d = blocks[o + 2 * w : o + 3 * w], blocks[o + 3 * w : o + 4 * w]
+            i = lo + j if j < w else rows[below + j]
+            u0, u1, u2 = x[i, 0], x[i, 1], x[i, 2]
+            i = lo + j + 1 if j + 1 < w else rows[below + j + 1]
+            v0, v1, v2 = x[i, 0], x[i, 1], x[i, 2]
+            i = lo + j + 2 if j + 2 < w else rows[below + j + 2]
+            y0, y1, y2 = x[i, 0], x[i, 1], x[i, 2]
+            i = lo + j + 3 if j + 3 < w else rows[below + j + 3]
+            z0, z1, z2 = x[i, 0], x[i, 1], x[i, 2]
             for k in range(w):
                 s0[k] += a[k] * u0 + b[k] * v0 + c[k] * y0 + d[k] * z0
                 s1[k] += a[k] * u1 + b[k] * v1 + c[k] * y1 + d[k] * z1
                 s2[k] += a[k] * u2 + b[k] * v2 + c[k] * y2 + d[k] * z2
-            j += 4
+            o, j = o + 4 * w, j + 4
         while j < n:
-            a, u = block[j], x[lo + j if j < w else below[j - w]]
-            u0, u1, u2 = u[0], u[1], u[2]
+            a = blocks[o : o + w]
+            i = lo + j if j < w else rows[below + j]
+            u0, u1, u2 = x[i, 0], x[i, 1], x[i, 2]
             for k in range(w):
                 s0[k] += a[k] * u0
                 s1[k] += a[k] * u1
                 s2[k] += a[k] * u2
-            j += 1
+            o, j = o + w, j + 1
         for k in range(w):
             x[lo + k, 0] = s0[k]
             x[lo + k, 1] = s1[k]
             x[lo + k, 2] = s2[k]
-
-
-@njit(cache=True)
-def _columns_of_below(starts, bounds, slices, blocks):
-    """The lower parts −B F⁻¹ of all blocks, by column (w, m), and their slices."""
-    N = len(starts) - 1
-    where = np.zeros(N + 1, dtype=np.int64)
-    for s in range(N):
-        w, m = starts[s + 1] - starts[s], bounds[s + 1] - bounds[s]
-        where[s + 1] = where[s] + w * m
-    out = np.empty(where[N], dtype=np.float32)
-    for s in range(N):
-        w = starts[s + 1] - starts[s]
-        lower = blocks[slices[s] : slices[s + 1]].reshape(-1, w)[w:]
-        target = out[where[s] : where[s + 1]].reshape(w, -1)
-        for k in range(len(lower)):
-            for c in range(w):
-                target[c, k] = lower[k, c]
-    return where, out
 
 
 class SparseCholesky:
@@ -248,9 +281,7 @@ class SparseCholesky:
         # Rows from here on are touched by several tasks.
         self._begin = int(plan.starts[plan.tasks[-1]])
         self._nodes = plan.starts, plan.bounds, plan.rows
-        self._slices, self._blocks = _factor(
-            indptr, indices, A.data, plan.order, plan.place, *self._nodes, plan.parent
-        )
+        self._slices, self._blocks = _factor(A, plan)
 
     @cached_property
     def _single(self) -> NDArray:
@@ -260,8 +291,13 @@ class SparseCholesky:
     @cached_property
     def _lower(self) -> tuple[NDArray, NDArray]:
         """The lower parts of the blocks by column, in single precision, and their slices."""
-        starts, bounds, _ = self._nodes
-        return _columns_of_below(starts, bounds, self._slices, self._single)
+        width, below = np.diff(self.plan.starts), np.diff(self.plan.bounds)
+        slices: IntArray = np.concatenate([[0], np.cumsum(width * below)])
+        lower = np.empty(slices[-1], dtype=np.float32)
+        for s, (w, m) in enumerate(zip(width.tolist(), below.tolist(), strict=True)):
+            block = self._single[self._slices[s] : self._slices[s + 1]].reshape(w + m, w)
+            lower[slices[s] : slices[s + 1]].reshape(w, m)[:] = block[w:].T
+        return slices, lower
 
     def supernodes(self) -> Iterator[tuple[int, int, NDArray, NDArray]]:
         """Blocks in the order of elimination: places first…last − 1, rows below (m,), block.
@@ -288,12 +324,9 @@ class SparseCholesky:
         return x[self.place]
 
     def solve_in_order(self, x: NDArray) -> None:
-        """Solve in place: x (n, m) float32, its rows in the order of elimination `order`."""
-        factor = self._slices, self._single
-        if x.shape[1] == 3:
-            self._sweep(x, _forward_three, self._lower, _backward_three, factor)
-        else:
-            self._sweep(x, _forward, factor, _backward, factor)
+        """Solve in place for x (n, 3), float32, with rows in the order of elimination `order`."""
+        upper = self._slices, self._single
+        self._sweep(x, _forward_three, self._lower, _backward_three, upper)
 
     def _sweep(self, x: NDArray, forward: Any, lower: Any, backward: Any, upper: Any) -> None:
         """Forward through the tasks, then the rows that they share; back the other way."""
