@@ -16,15 +16,16 @@ from scipy import sparse
 
 from deformer.acap import PoissonSystem
 from deformer.editing.kernels import (
-    LANES,
+    BLOCK,
+    MATRICES,
+    VECTORS,
+    add_green_functions,
     coefficients_by_block,
-    decode_and_emit,
-    emit,
-    local,
-    move,
-    place,
+    decode_to_positions,
+    fit_rotations,
+    gradients_and_positions,
     rhs,
-    turned_rhs,
+    to_user_order,
 )
 from deformer.geometry import FloatArray, IntArray
 from deformer.linalg import CORES, begin, finish, over_ranges, ranges, together
@@ -49,18 +50,6 @@ def schur_inverse(block: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.pinv(system, rcond=1e-13), dtype=np.float64)
 
 
-def _ordered_mesh(system: PoissonSystem) -> tuple[IntArray, NDArray, NDArray, NDArray]:
-    """Rows and one-rings in the order of elimination, ½ c_ij of every edge, and that times it."""
-    order = system.factor.order
-    weights = sparse.csr_array(system.weights[order][:, order])
-    weights.sort_indices()
-    v = system.reference.vertices[order] / system.reference.bounding_diagonal
-    rows = np.repeat(np.arange(len(v)), np.diff(weights.indptr))
-    halves = 0.5 * weights.data
-    edges = halves[:, None] * (v[rows] - v[weights.indices])
-    return weights.indptr.astype(np.int64), weights.indices.astype(np.int32), halves, edges
-
-
 class Surface:
     """All vertices of a model: decoded, solved for, and moved onto exact handles rigidly.
 
@@ -82,19 +71,20 @@ class Surface:
         self._factor = system.factor
         order = self._factor.order
         V = len(order)
-        self._blocks = -(-V // LANES)
+        self._blocks = -(-V // BLOCK)
         # The last block is filled up with its last vertex.
         self._padded: IntArray = np.concatenate(
-            [order, np.full(self._blocks * LANES - V, order[-1])]
+            [order, np.full(self._blocks * BLOCK - V, order[-1])]
         )
         # Bounding diagonals are the unit of length: single precision has its range, too.
         self._unit = system.reference.bounding_diagonal
-        self._indptr, self._rings, halves, edges = _ordered_mesh(system)
-        self._halves = halves.astype(np.float32)
-        rows = np.repeat(np.arange(V), np.diff(self._indptr))
-        own = [np.bincount(rows, edges[:, d], V) for d in range(3)]
-        self._own = np.column_stack(own).astype(np.float32).ravel()
-        self._weighted_edges = edges.astype(np.float32).ravel()
+        weights = sparse.csr_array(system.weights[order][:, order])
+        weights.sort_indices()
+        self._indptr = weights.indptr.astype(np.int64)
+        self._rings = weights.indices.astype(np.int32)
+        self._halves = (0.5 * weights.data).astype(np.float32)
+        v = (system.reference.vertices[order] - system.centroid) / self._unit
+        self._reference = v.astype(np.float32).ravel()
         self._pack(decoder)
         self._T = np.zeros(9 * len(self._padded), dtype=np.float32)
         self._x = np.zeros((V, 3), dtype=np.float32)
@@ -103,7 +93,7 @@ class Surface:
         self._unturned()
         self._relaxing: list[Future[None]] = []
         self._handles: IntArray = np.empty(0, dtype=np.int64)
-        self._coefficients = np.empty((self._blocks, 0, 3 * LANES), dtype=np.float32)
+        self._coefficients = np.empty((self._blocks, 0, VECTORS), dtype=np.float32)
         self._exact: IntArray = np.empty(0, dtype=np.int64)
         self._green = np.empty((0, V), dtype=np.float32)
         self._exact_inverse = np.zeros((1, 1))
@@ -120,16 +110,16 @@ class Surface:
     def _pack(self, decoder: Decoder) -> None:
         """The decoder's matrix by blocks of vertices, 16 bit, without components that are zero."""
         K = decoder.components
-        self._gain = np.repeat(decoder.gain, LANES).astype(np.float32)
-        self._offset = np.repeat(decoder.offset, LANES).astype(np.float32)
+        self._gain = np.repeat(decoder.gain, BLOCK).astype(np.float32)
+        self._offset = np.repeat(decoder.offset, BLOCK).astype(np.float32)
         if not decoder.pointwise:
             return
-        self._base = np.repeat(decoder.base, LANES).astype(np.float32)
+        self._base = np.repeat(decoder.base, BLOCK).astype(np.float32)
         rows, scales, counts, components = [], [], [], []
         for start in range(0, self._blocks, 64):
-            index = self._padded[start * LANES : (start + 64) * LANES]
-            part = decoder.matrix[index].reshape(-1, LANES, 9, K).transpose(0, 3, 2, 1)
-            part = part.reshape(-1, K, 9 * LANES)
+            index = self._padded[start * BLOCK : (start + 64) * BLOCK]
+            part = decoder.matrix[index].reshape(-1, BLOCK, 9, K).transpose(0, 3, 2, 1)
+            part = part.reshape(-1, K, MATRICES)
             largest = np.abs(part).max(axis=2)
             used = largest > 0
             scale = largest[used] / 32767.0
@@ -143,7 +133,7 @@ class Surface:
 
     def block_coefficients(self, coefficients: FloatArray) -> NDArray:
         """`PoissonSystem.position_coefficients` (V, 3) of one handle, by blocks (·, 48) float32."""
-        blocks = np.empty((self._blocks, 3 * LANES), dtype=np.float32)
+        blocks = np.empty((self._blocks, VECTORS), dtype=np.float32)
         over_ranges(
             coefficients_by_block,
             self._blocks,
@@ -196,7 +186,7 @@ class Surface:
     def _unturned(self) -> None:
         """Rotations that are none: quaternions by blocks, and their matrices."""
         self._turned = False
-        still = np.repeat(np.array([1, 0, 0, 0], dtype=np.float32), LANES)
+        still = np.repeat(np.array([1, 0, 0, 0], dtype=np.float32), BLOCK)
         self._turn = np.tile(still, self._blocks)
         self._R = np.tile(np.eye(3, dtype=np.float32).ravel(), len(self._padded))
 
@@ -207,31 +197,29 @@ class Surface:
         """
         self._rested = False
         pieces = ranges(self._blocks, _SHARE)
-        sums = np.zeros((len(pieces), 48 * len(self._handles)))
+        sums = np.zeros((len(pieces), VECTORS * len(self._handles)))
         frame = self._coefficients.ravel(), self._T
         if self._decoder.pointwise:
             code = z.astype(np.float32)
             layer = self._slices, self._components, self._scale, self._matrix
             layer = *layer, code, self._base, self._gain, self._offset
             calls = [(*p, layer, *frame, s) for p, s in zip(pieces, sums, strict=True)]
-            together(decode_and_emit, calls)
+            together(decode_to_positions, calls)
         else:
             q = self._decoder.single_features(z)[self._padded].astype(np.float32)
-            q = np.ascontiguousarray(q.reshape(-1, LANES, 9).transpose(0, 2, 1)).reshape(-1, 144)
+            q = np.ascontiguousarray(q.reshape(-1, BLOCK, 9).transpose(0, 2, 1)).reshape(
+                -1, MATRICES
+            )
             calls = [(a, b, q[a:b], *frame, s) for (a, b), s in zip(pieces, sums, strict=True)]
-            together(emit, calls)
-        return self._unit * sums.sum(axis=0).reshape(-1, 3, LANES).sum(axis=2)
+            together(gradients_and_positions, calls)
+        return self._unit * sums.sum(axis=0).reshape(-1, 3, BLOCK).sum(axis=2)
 
     def sum_edges(self) -> None:
         """Let the positions hold the right-hand side: of the gradients, or of the shape turned."""
         self._wait()
-        mesh, b = (self._indptr, self._rings), self._x.ravel()
-        if self._rested:
-            over_ranges(
-                turned_rhs, len(b) // 3, *mesh, self._halves, self._rest.ravel(), self._R, b
-            )
-        else:
-            over_ranges(rhs, len(b) // 3, *mesh, self._weighted_edges, self._own, self._T, b)
+        mesh = self._indptr, self._rings, self._halves
+        shape = (self._rest.ravel(), self._R) if self._rested else (self._reference, self._T)
+        over_ranges(rhs, len(self._x), *mesh, *shape, self._x.ravel())
 
     def solve(self) -> None:
         """Positions from the gradients and rotations, up to a translation."""
@@ -262,13 +250,13 @@ class Surface:
             solution = self._exact_inverse @ misfit
             push, shift = solution[:H], solution[H]
         change = self._green, push.astype(np.float32), shift.astype(np.float32)
-        over_ranges(move, len(self._x), *change, self._x)
+        over_ranges(add_green_functions, len(self._x), *change, self._x)
 
     def positions(self, rotation: FloatArray, origin: FloatArray) -> FloatArray:
         """Positions (V, 3) in the user's order, turned by `rotation` and moved to `origin`."""
         out = np.empty((len(self._x), 3))
         where = self._unit * rotation, origin, self._x, out
-        over_ranges(place, len(out), self._factor.order, *where)
+        over_ranges(to_user_order, len(out), self._factor.order, *where)
         return out
 
     def relax(self, steps: int) -> None:
@@ -282,7 +270,9 @@ class Surface:
         self._turned = True
         # One core is left to the caller.
         share = max(_SHARE, -(-self._blocks // max(1, CORES - 1)))
-        self._relaxing = begin(local, [(*piece, *rest) for piece in ranges(self._blocks, share)])
+        self._relaxing = begin(
+            fit_rotations, [(*piece, *rest) for piece in ranges(self._blocks, share)]
+        )
 
     def _wait(self) -> None:
         finish(self._relaxing)
@@ -292,7 +282,7 @@ class Surface:
     def bytes_of_a_frame(self) -> int:
         """Bytes that one frame cannot do without: matrix, coefficients, mesh, factor, result."""
         arrays = [self._coefficients[:, : len(self._handles)], self._green[: len(self._exact)]]
-        arrays += [self._rings, self._weighted_edges, self._own, self._T]
+        arrays += [self._rings, self._halves, self._reference, self._T]
         if len(self._exact):
             arrays += [self._rings, self._halves, self._rest, self._R, self._turn]
         if self._decoder.pointwise:

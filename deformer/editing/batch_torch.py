@@ -15,7 +15,7 @@ from deformer.acap import STRETCH_COLUMNS, STRETCH_ROWS
 from deformer.editing.arap import schur_inverse
 from deformer.editing.batch_numba import FIRST_TURNS, TURNS, Boolean
 from deformer.editing.green_functions import HandleBasis
-from deformer.editing.kernels import DAMPING, FARTHEST, FURTHER
+from deformer.editing.kernels import DAMPING, LARGEST_STEP, OVER_RELAXATION
 from deformer.errors import InputError
 from deformer.geometry import FloatArray
 from deformer.linalg import SparseCholesky, resolve_device
@@ -137,7 +137,7 @@ class TorchFrames:
         return self._factor.solve(b.index_add_(1, self._from, sums))
 
     def _turned(self, R: Tensor, edges: Tensor, p: Tensor, steps: int) -> Tensor:
-        """Rotations turned to fit the edges of p: `lanes.local` for all frames."""
+        """Rotations turned to fit the edges of p: `kernels.fit_rotations` for all frames."""
         new = p[:, self._from] - p[:, self._to]
         B = torch.zeros(R.shape, device=R.device)
         B.index_add_(1, self._from, new[..., :, None] * edges[..., None, :])
@@ -147,7 +147,9 @@ class TorchFrames:
         for _ in range(steps):
             half = _rotation_step(A @ _matrices(D).transpose(2, 3))
             D = torch.nn.functional.normalize(_product(half, D), dim=-1)
-        D = D * torch.tensor([1.0, FURTHER, FURTHER, FURTHER], device=D.device)
+        D = D * torch.tensor(
+            [1.0, OVER_RELAXATION, OVER_RELAXATION, OVER_RELAXATION], device=D.device
+        )
         return _matrices(torch.nn.functional.normalize(D, dim=-1)) @ R
 
 
@@ -245,7 +247,7 @@ def _product(a: Tensor, b: Tensor) -> Tensor:
 
 
 def _rotation_step(B: Tensor) -> Tensor:
-    """Quaternions (…, 4), not of unit length, of a step of `lanes.fit_step`; B = A Rᵀ."""
+    """Quaternions (…, 4), not of unit length, of a step of `kernels.fit_step`; B = A Rᵀ."""
     trace = B.diagonal(dim1=-2, dim2=-1).sum(-1)[..., None]
     axial = torch.stack(
         [B[..., 2, 1] - B[..., 1, 2], B[..., 0, 2] - B[..., 2, 0], B[..., 1, 0] - B[..., 0, 1]], -1
@@ -261,7 +263,7 @@ def _rotation_step(B: Tensor) -> Tensor:
     definite = (x[..., :1] > 0) & (adjugate[..., 2, 2:] > 0) & (det > float(DAMPING) ** 2)
     newton = (adjugate @ axial[..., None])[..., 0] / torch.where(definite, det, 1.0)
     half = 0.5 * torch.where(definite, newton, axial)
-    half = half * (float(FARTHEST) / (half.norm(dim=-1, keepdim=True) + 1e-15)).clamp(max=1.0)
+    half = half * (float(LARGEST_STEP) / (half.norm(dim=-1, keepdim=True) + 1e-15)).clamp(max=1.0)
     return torch.cat([torch.ones_like(trace), half], -1)
 
 

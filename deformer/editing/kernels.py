@@ -1,8 +1,9 @@
-"""Kernels of a frame: single precision, 16 vertices at a time.
+"""Kernels of a frame: single precision, a SIMD block of 16 vertices at a time.
 
-A block is 16 vertices, the lanes of the processor's vectors. Nine numbers a vertex are stored as
-nine rows of 16. The kernels index flat arrays by sums of constants and the lane: where an array
-has two indices the compiler cannot tell that its rows do not overlap, and gives up on vectors.
+A block stores nine numbers a vertex as nine rows of 16, which fill the processor's vectors. The
+kernels index flat arrays by sums of constants and the vertex within the block: where an array has
+two indices the compiler cannot tell that its rows do not overlap, and gives up on vectors. They
+assign no array to a slice of another, which would take longer to compile than all of them.
 """
 
 from __future__ import annotations
@@ -12,7 +13,13 @@ import math
 import numpy as np
 from numba import njit
 
-LANES = 16
+# Vertices of a block.
+BLOCK = 16
+# Numbers of a block: of vectors (3 rows of 16), quaternions (w, x, y, z) and matrices (by row).
+# Features are stored like matrices: rotation vector, then xx xy xz yy yz zz of the stretch.
+VECTORS, QUATERNIONS, MATRICES = 3 * BLOCK, 4 * BLOCK, 9 * BLOCK
+# Where each row of a block begins.
+ROW1, ROW2, ROW3, ROW4, ROW5, ROW6, ROW7, ROW8 = (BLOCK * row for row in range(1, 9))
 
 # Constants as single precision: a double one would turn whole loops into double precision.
 _0, _1, _2, _HALF, _QUARTER = (np.float32(x) for x in (0, 1, 2, 0.5, 0.25))
@@ -20,12 +27,12 @@ _9, _TINY = np.float32(9), np.float32(1e-30)
 # Of Newton steps of rotations, against their scale: what single precision cannot tell from zero.
 DAMPING = np.float32(1e-5)
 # Tangent of half the largest angle of one such step.
-FARTHEST = np.float32(0.6)
+LARGEST_STEP = np.float32(0.6)
 _TURN = np.float32(2 * math.pi)
 _PER_TURN = np.float32(0.5 / math.pi)
-# Local steps go this much further than their optimum, as over-relaxation does: rounds of local and
-# global steps then converge in about half as many. From 2 on they would diverge.
-FURTHER = np.float32(1.5)
+# Over-relaxation: local steps go this much further than their optimum, and rounds of local and
+# global steps converge in about half as many. From 2 on they would diverge.
+OVER_RELAXATION = np.float32(1.5)
 # tanh y as a continued fraction of seven terms, multiplied out: exact to 1e-8 up to y = 2.25.
 _N0, _N1, _N2, _N3 = (np.float32(x / 135135) for x in (135135, 17325, 378, 1))
 _D1, _D2, _D3 = (np.float32(x / 135135) for x in (62370, 3150, 28))
@@ -36,16 +43,10 @@ _S1, _S2, _S3, _S4, _S5, _S6 = _S[1:]
 _C1, _C2, _C3, _C4, _C5, _C6, _C7 = _C[1:]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True, inline="always")
-def tanh_(x):
-    """In place for numbers x (n,): tanh x from tanh(x/4) by doubling the argument twice."""
-    for n in range(len(x)):
-        y = _QUARTER * min(max(x[n], -_9), _9)
-        u = y * y
-        t = y * (_N0 + u * (_N1 + u * (_N2 + u * _N3)))
-        t /= _1 + u * (_D1 + u * (_D2 + u * _D3))
-        t = _2 * t / (_1 + t * t)
-        x[n] = _2 * t / (_1 + t * t)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def blocks_(count):
+    """Memory for `count` blocks of matrices, (count, 144); compiled once for all kernels."""
+    return np.empty((count, MATRICES), dtype=np.float32)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
@@ -54,8 +55,8 @@ def gradients(q, T):
 
     The rotation vector is brought within half a turn, then becomes a quaternion.
     """
-    for n in range(16):
-        rx, ry, rz = q[n], q[16 + n], q[32 + n]
+    for n in range(BLOCK):
+        rx, ry, rz = q[n], q[ROW1 + n], q[ROW2 + n]
         angle = math.sqrt(rx * rx + ry * ry + rz * rz) + _TINY
         inside = angle - _TURN * np.float32(np.int32(angle * _PER_TURN + _HALF))
         half = _HALF * inside
@@ -69,53 +70,68 @@ def gradients(q, T):
         R01, R10 = _2 * (b * c - a * d), _2 * (b * c + a * d)
         R02, R20 = _2 * (b * d + a * c), _2 * (b * d - a * c)
         R12, R21 = _2 * (c * d - a * b), _2 * (c * d + a * b)
-        xx, xy, xz = q[48 + n], q[64 + n], q[80 + n]
-        yy, yz, zz = q[96 + n], q[112 + n], q[128 + n]
+        xx, xy, xz = q[ROW3 + n], q[ROW4 + n], q[ROW5 + n]
+        yy, yz, zz = q[ROW6 + n], q[ROW7 + n], q[ROW8 + n]
         T[n] = R00 * xx + R01 * xy + R02 * xz
-        T[16 + n] = R00 * xy + R01 * yy + R02 * yz
-        T[32 + n] = R00 * xz + R01 * yz + R02 * zz
-        T[48 + n] = R10 * xx + R11 * xy + R12 * xz
-        T[64 + n] = R10 * xy + R11 * yy + R12 * yz
-        T[80 + n] = R10 * xz + R11 * yz + R12 * zz
-        T[96 + n] = R20 * xx + R21 * xy + R22 * xz
-        T[112 + n] = R20 * xy + R21 * yy + R22 * yz
-        T[128 + n] = R20 * xz + R21 * yz + R22 * zz
+        T[ROW1 + n] = R00 * xy + R01 * yy + R02 * yz
+        T[ROW2 + n] = R00 * xz + R01 * yz + R02 * zz
+        T[ROW3 + n] = R10 * xx + R11 * xy + R12 * xz
+        T[ROW4 + n] = R10 * xy + R11 * yy + R12 * yz
+        T[ROW5 + n] = R10 * xz + R11 * yz + R12 * zz
+        T[ROW6 + n] = R20 * xx + R21 * xy + R22 * xz
+        T[ROW7 + n] = R20 * xy + R21 * yy + R22 * yz
+        T[ROW8 + n] = R20 * xz + R21 * yz + R22 * zz
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def coefficients_by_block(start, stop, order, coefficients, scale, out):
     """Blocks out (·, 48) of coefficients (V, 3) times scale; zeros fill up the last one."""
     for B in range(start, stop):
-        for n in range(16):
-            i = 16 * B + n
+        for n in range(BLOCK):
+            i = BLOCK * B + n
             for d in range(3):
-                out[B, 16 * d + n] = scale * coefficients[order[i], d] if i < len(order) else 0.0
+                out[B, BLOCK * d + n] = scale * coefficients[order[i], d] if i < len(order) else 0.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def emit(start, stop, q, coefficients, T, sums):
+def add_positions(t, coefficients, offset, sums):
+    """sums (48 H,) += T a of a block's gradients t (144,), each vertex of the block for itself.
+
+    The coefficients a of H handles begin at coefficients[offset].
+    """
+    for g in range(0, len(sums), VECTORS):
+        o = offset + g
+        for n in range(BLOCK):
+            x, y, z = coefficients[o + n], coefficients[o + ROW1 + n], coefficients[o + ROW2 + n]
+            sums[g + n] += t[n] * x + t[ROW1 + n] * y + t[ROW2 + n] * z
+            sums[g + ROW1 + n] += t[ROW3 + n] * x + t[ROW4 + n] * y + t[ROW5 + n] * z
+            sums[g + ROW2 + n] += t[ROW6 + n] * x + t[ROW7 + n] * y + t[ROW8 + n] * z
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _store_by_vertex(t, B, T):
+    """Matrices t (144,) of block B to T, nine numbers a vertex."""
+    for n in range(BLOCK):
+        o = MATRICES * B + 9 * n
+        T[o], T[o + 1], T[o + 2] = t[n], t[ROW1 + n], t[ROW2 + n]
+        T[o + 3], T[o + 4], T[o + 5] = t[ROW3 + n], t[ROW4 + n], t[ROW5 + n]
+        T[o + 6], T[o + 7], T[o + 8] = t[ROW6 + n], t[ROW7 + n], t[ROW8 + n]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def gradients_and_positions(start, stop, q, coefficients, T, sums):
     """Gradients T (9 a vertex) of blocks with features q (·, 144).
 
-    To sums (48 H,), lane by lane, go the products T_i a_h,i with the coefficients of H handles.
+    The products T_i a_h,i with the coefficients of H handles are added to sums (48 H,), each vertex
+    of a block for itself.
     """
-    t = np.empty(144, dtype=np.float32)
-    H = len(sums) // 48
+    t = blocks_(1)[0]
     # There may be room for more handles than there are.
-    stride = len(coefficients) // (len(T) // 144)
+    stride = len(coefficients) // (len(T) // MATRICES)
     for B in range(start, stop):
         gradients(q[B - start], t)
-        for h in range(H):
-            o, g = B * stride + 48 * h, 48 * h
-            for n in range(16):
-                x, y, z = coefficients[o + n], coefficients[o + 16 + n], coefficients[o + 32 + n]
-                sums[g + n] += t[n] * x + t[16 + n] * y + t[32 + n] * z
-                sums[g + 16 + n] += t[48 + n] * x + t[64 + n] * y + t[80 + n] * z
-                sums[g + 32 + n] += t[96 + n] * x + t[112 + n] * y + t[128 + n] * z
-        for n in range(16):
-            o = 144 * B + 9 * n
-            T[o], T[o + 1], T[o + 2] = t[n], t[16 + n], t[32 + n]
-            T[o + 3], T[o + 4], T[o + 5] = t[48 + n], t[64 + n], t[80 + n]
-            T[o + 6], T[o + 7], T[o + 8] = t[96 + n], t[112 + n], t[128 + n]
+        add_positions(t, coefficients, B * stride, sums)
+        _store_by_vertex(t, B, T)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
@@ -127,61 +143,53 @@ def decode(start, stop, layer, q):
     slices, components, scale, matrix, z, base, gain, offset = layer
     for B in range(start, stop):
         x = q[B - start]
-        x[:] = base
+        for n in range(MATRICES):
+            x[n] = base[n]
         for e in range(slices[B], slices[B + 1]):
             weight = z[components[e]] * scale[e]
             row = matrix[e]
-            for n in range(144):
+            for n in range(MATRICES):
                 x[n] += weight * np.float32(row[n])
-        tanh_(x)
-        for n in range(144):
-            x[n] = gain[n] * x[n] + offset[n]
+        for n in range(MATRICES):
+            # tanh x from tanh(x/4) by doubling the argument twice.
+            y = _QUARTER * min(max(x[n], -_9), _9)
+            u = y * y
+            t = y * (_N0 + u * (_N1 + u * (_N2 + u * _N3)))
+            t /= _1 + u * (_D1 + u * (_D2 + u * _D3))
+            t = _2 * t / (_1 + t * t)
+            x[n] = gain[n] * (_2 * t / (_1 + t * t)) + offset[n]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def decode_and_emit(start, stop, layer, coefficients, T, sums):
-    """Features by `_decode`, then `emit`, a few blocks at once: features stay in the cache."""
-    q = np.empty((32, 144), dtype=np.float32)
+def decode_to_positions(start, stop, layer, coefficients, T, sums):
+    """`decode`, then `gradients_and_positions`, a few blocks at once: features stay in the cache."""
+    q = blocks_(32)
     for B in range(start, stop, len(q)):
         end = min(B + len(q), stop)
         decode(B, end, layer, q)
-        emit(B, end, q, coefficients, T, sums)
+        gradients_and_positions(B, end, q, coefficients, T, sums)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def rhs(start, stop, indptr, rings, edges, own, T, b):
-    """b_i = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j) with edges ½ c_ij (v_i − v_j), own their sums."""
-    for i in range(start, stop):
-        o, x, y, z = 9 * i, own[3 * i], own[3 * i + 1], own[3 * i + 2]
-        bx = T[o] * x + T[o + 1] * y + T[o + 2] * z
-        by = T[o + 3] * x + T[o + 4] * y + T[o + 5] * z
-        bz = T[o + 6] * x + T[o + 7] * y + T[o + 8] * z
-        for k in range(indptr[i], indptr[i + 1]):
-            o, x, y, z = 9 * rings[k], edges[3 * k], edges[3 * k + 1], edges[3 * k + 2]
-            bx += T[o] * x + T[o + 1] * y + T[o + 2] * z
-            by += T[o + 3] * x + T[o + 4] * y + T[o + 5] * z
-            bz += T[o + 6] * x + T[o + 7] * y + T[o + 8] * z
-        b[3 * i] = bx
-        b[3 * i + 1] = by
-        b[3 * i + 2] = bz
+def rhs(start, stop, indptr, rings, halves, x, T, b):
+    """b_i = Σ_j ½ c_ij (T_i + T_j)(x_i − x_j) with halves ½ c_ij; flat T, x and b.
 
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def turned_rhs(start, stop, indptr, rings, halves, rest, R, b):
-    """b_i = Σ_j ½ c_ij (R_i + R_j)(x_i − x_j) with halves ½ c_ij and the positions x at rest."""
+    The single-precision version of `geometry.rhs_`, for gradients of the reference x and for
+    rotations of a shape at rest x alike.
+    """
     for i in range(start, stop):
         o = 9 * i
-        a00, a01, a02 = R[o], R[o + 1], R[o + 2]
-        a10, a11, a12 = R[o + 3], R[o + 4], R[o + 5]
-        a20, a21, a22 = R[o + 6], R[o + 7], R[o + 8]
-        px, py, pz = rest[3 * i], rest[3 * i + 1], rest[3 * i + 2]
+        a00, a01, a02 = T[o], T[o + 1], T[o + 2]
+        a10, a11, a12 = T[o + 3], T[o + 4], T[o + 5]
+        a20, a21, a22 = T[o + 6], T[o + 7], T[o + 8]
+        px, py, pz = x[3 * i], x[3 * i + 1], x[3 * i + 2]
         bx = by = bz = _0
         for k in range(indptr[i], indptr[i + 1]):
             j, o, w = 3 * rings[k], 9 * rings[k], halves[k]
-            x, y, z = w * (px - rest[j]), w * (py - rest[j + 1]), w * (pz - rest[j + 2])
-            bx += (a00 + R[o]) * x + (a01 + R[o + 1]) * y + (a02 + R[o + 2]) * z
-            by += (a10 + R[o + 3]) * x + (a11 + R[o + 4]) * y + (a12 + R[o + 5]) * z
-            bz += (a20 + R[o + 6]) * x + (a21 + R[o + 7]) * y + (a22 + R[o + 8]) * z
+            ex, ey, ez = w * (px - x[j]), w * (py - x[j + 1]), w * (pz - x[j + 2])
+            bx += (a00 + T[o]) * ex + (a01 + T[o + 1]) * ey + (a02 + T[o + 2]) * ez
+            by += (a10 + T[o + 3]) * ex + (a11 + T[o + 4]) * ey + (a12 + T[o + 5]) * ez
+            bz += (a20 + T[o + 6]) * ex + (a21 + T[o + 7]) * ey + (a22 + T[o + 8]) * ez
         b[3 * i] = bx
         b[3 * i + 1] = by
         b[3 * i + 2] = bz
@@ -196,16 +204,16 @@ def fit_step(A, D):
     Extract the Rotational Part of Deformations, 2016). Neither needs a decomposition, and both
     hold for flat rings, whose A is singular.
     """
-    for n in range(16):
-        a, b, c, d = D[n], D[16 + n], D[32 + n], D[48 + n]
+    for n in range(BLOCK):
+        a, b, c, d = D[n], D[ROW1 + n], D[ROW2 + n], D[ROW3 + n]
         R00, R11 = _1 - _2 * (c * c + d * d), _1 - _2 * (b * b + d * d)
         R22 = _1 - _2 * (b * b + c * c)
         R01, R10 = _2 * (b * c - a * d), _2 * (b * c + a * d)
         R02, R20 = _2 * (b * d + a * c), _2 * (b * d - a * c)
         R12, R21 = _2 * (c * d - a * b), _2 * (c * d + a * b)
-        A00, A01, A02 = A[n], A[16 + n], A[32 + n]
-        A10, A11, A12 = A[48 + n], A[64 + n], A[80 + n]
-        A20, A21, A22 = A[96 + n], A[112 + n], A[128 + n]
+        A00, A01, A02 = A[n], A[ROW1 + n], A[ROW2 + n]
+        A10, A11, A12 = A[ROW3 + n], A[ROW4 + n], A[ROW5 + n]
+        A20, A21, A22 = A[ROW6 + n], A[ROW7 + n], A[ROW8 + n]
         M00 = R00 * A00 + R01 * A01 + R02 * A02
         M11 = R10 * A10 + R11 * A11 + R12 * A12
         M22 = R20 * A20 + R21 * A21 + R22 * A22
@@ -231,77 +239,84 @@ def fit_step(A, D):
         y = f * (c01 * u + c11 * v + c12 * w) if newton else f * v
         z = f * (c02 * u + c12 * v + c22 * w) if newton else f * w
         # Not further than the quadratic model can be trusted.
-        f = min(_1, FARTHEST / math.sqrt(x * x + y * y + z * z + _TINY))
+        f = min(_1, LARGEST_STEP / math.sqrt(x * x + y * y + z * z + _TINY))
         x, y, z = f * x, f * y, f * z
         e, f = a - x * b - y * c - z * d, b + x * a + y * d - z * c
         g, h = c - x * d + y * a + z * b, d + x * c - y * b + z * a
         scale = _1 / math.sqrt(e * e + f * f + g * g + h * h)
-        D[n], D[16 + n], D[32 + n], D[48 + n] = scale * e, scale * f, scale * g, scale * h
+        D[n], D[ROW1 + n], D[ROW2 + n], D[ROW3 + n] = scale * e, scale * f, scale * g, scale * h
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _follow(D, q):
-    """Quaternions q (64,) followed by D (64,), which is over-relaxed first.
+def _compose(D, q):
+    """Quaternions q (64,) ← D q, with D (64,) over-relaxed first.
 
-    Half-angle tangents grow by FURTHER.
+    Half-angle tangents grow by OVER_RELAXATION.
     """
-    for n in range(16):
-        a, b, c, d = D[n], FURTHER * D[16 + n], FURTHER * D[32 + n], FURTHER * D[48 + n]
+    for n in range(BLOCK):
+        a, b, c, d = (
+            D[n],
+            OVER_RELAXATION * D[ROW1 + n],
+            OVER_RELAXATION * D[ROW2 + n],
+            OVER_RELAXATION * D[ROW3 + n],
+        )
         scale = _1 / math.sqrt(a * a + b * b + c * c + d * d)
         a, b, c, d = scale * a, scale * b, scale * c, scale * d
-        D[n], D[16 + n], D[32 + n], D[48 + n] = a, b, c, d
-        w, x, y, z = q[n], q[16 + n], q[32 + n], q[48 + n]
+        D[n], D[ROW1 + n], D[ROW2 + n], D[ROW3 + n] = a, b, c, d
+        w, x, y, z = q[n], q[ROW1 + n], q[ROW2 + n], q[ROW3 + n]
         e, f = a * w - b * x - c * y - d * z, a * x + b * w + c * z - d * y
         g, h = a * y - b * z + c * w + d * x, a * z + b * y - c * x + d * w
         scale = _1 / math.sqrt(e * e + f * f + g * g + h * h)
-        q[n], q[16 + n], q[32 + n], q[48 + n] = scale * e, scale * f, scale * g, scale * h
+        q[n], q[ROW1 + n], q[ROW2 + n], q[ROW3 + n] = scale * e, scale * f, scale * g, scale * h
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _matrices(D, A):
     """Rotation matrices A (144,) of quaternions D (64,)."""
-    for n in range(16):
-        a, b, c, d = D[n], D[16 + n], D[32 + n], D[48 + n]
-        A[n], A[64 + n] = _1 - _2 * (c * c + d * d), _1 - _2 * (b * b + d * d)
-        A[128 + n] = _1 - _2 * (b * b + c * c)
-        A[16 + n], A[48 + n] = _2 * (b * c - a * d), _2 * (b * c + a * d)
-        A[32 + n], A[96 + n] = _2 * (b * d + a * c), _2 * (b * d - a * c)
-        A[80 + n], A[112 + n] = _2 * (c * d - a * b), _2 * (c * d + a * b)
+    for n in range(BLOCK):
+        a, b, c, d = D[n], D[ROW1 + n], D[ROW2 + n], D[ROW3 + n]
+        A[n], A[ROW4 + n] = _1 - _2 * (c * c + d * d), _1 - _2 * (b * b + d * d)
+        A[ROW8 + n] = _1 - _2 * (b * b + c * c)
+        A[ROW1 + n], A[ROW3 + n] = _2 * (b * c - a * d), _2 * (b * c + a * d)
+        A[ROW2 + n], A[ROW6 + n] = _2 * (b * d + a * c), _2 * (b * d - a * c)
+        A[ROW5 + n], A[ROW7 + n] = _2 * (c * d - a * b), _2 * (c * d + a * b)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _times_transposed(B, T, A):
     """A = B Tᵀ, all (144,)."""
-    for r in range(0, 144, 48):
-        for n in range(16):
-            x, y, z = B[r + n], B[r + 16 + n], B[r + 32 + n]
-            A[r + n] = x * T[n] + y * T[16 + n] + z * T[32 + n]
-            A[r + 16 + n] = x * T[48 + n] + y * T[64 + n] + z * T[80 + n]
-            A[r + 32 + n] = x * T[96 + n] + y * T[112 + n] + z * T[128 + n]
+    for r in range(0, MATRICES, VECTORS):
+        for n in range(BLOCK):
+            x, y, z = B[r + n], B[r + ROW1 + n], B[r + ROW2 + n]
+            A[r + n] = x * T[n] + y * T[ROW1 + n] + z * T[ROW2 + n]
+            A[r + ROW1 + n] = x * T[ROW3 + n] + y * T[ROW4 + n] + z * T[ROW5 + n]
+            A[r + ROW2 + n] = x * T[ROW6 + n] + y * T[ROW7 + n] + z * T[ROW8 + n]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def local(start, stop, indptr, rings, halves, rest, p, R, turn, steps):
+def fit_rotations(start, stop, indptr, rings, halves, x, p, R, turn, steps):
     """Local step of blocks: rotations R, and their quaternions, turned to fit the edges of p.
 
-    By the rotation D = argmax tr(Dᵀ A), A_i = Σ_j c_ij (p_i − p_j) (R_i (x_i − x_j))ᵀ.
+    By the rotation D = argmax tr(Dᵀ A), A_i = Σ_j c_ij (p_i − p_j) (R_i (x_i − x_j))ᵀ, with the
+    shape at rest x (Sorkine and Alexa, As-Rigid-As-Possible Surface Modeling, 2007).
     """
-    A, D = np.empty(144, dtype=np.float32), np.empty(64, dtype=np.float32)
-    q = np.empty(64, dtype=np.float32)
-    B, r = np.zeros(144, dtype=np.float32), np.empty(144, dtype=np.float32)
+    memory = blocks_(5)
+    A, D, q, B, r = memory[0], memory[1], memory[2], memory[3], memory[4]
+    for n in range(MATRICES):
+        B[n] = _0
     count = len(p) // 3
     for block in range(start, stop):
-        for n in range(16):
-            i = 16 * block + n
+        for n in range(BLOCK):
+            i = BLOCK * block + n
             if i >= count:
                 continue
             b00 = b01 = b02 = b10 = b11 = b12 = b20 = b21 = b22 = _0
             px, py, pz = p[3 * i], p[3 * i + 1], p[3 * i + 2]
-            rx, ry, rz = rest[3 * i], rest[3 * i + 1], rest[3 * i + 2]
+            rx, ry, rz = x[3 * i], x[3 * i + 1], x[3 * i + 2]
             for k in range(indptr[i], indptr[i + 1]):
                 j, w = 3 * rings[k], halves[k]
                 ex, ey, ez = px - p[j], py - p[j + 1], pz - p[j + 2]
-                ax, ay, az = w * (rx - rest[j]), w * (ry - rest[j + 1]), w * (rz - rest[j + 2])
+                ax, ay, az = w * (rx - x[j]), w * (ry - x[j + 1]), w * (rz - x[j + 2])
                 b00 += ex * ax
                 b01 += ex * ay
                 b02 += ex * az
@@ -311,34 +326,32 @@ def local(start, stop, indptr, rings, halves, rest, p, R, turn, steps):
                 b20 += ez * ax
                 b21 += ez * ay
                 b22 += ez * az
-            B[n], B[16 + n], B[32 + n] = b00, b01, b02
-            B[48 + n], B[64 + n], B[80 + n] = b10, b11, b12
-            B[96 + n], B[112 + n], B[128 + n] = b20, b21, b22
-        q[:] = turn[64 * block : 64 * block + 64]
+            B[n], B[ROW1 + n], B[ROW2 + n] = b00, b01, b02
+            B[ROW3 + n], B[ROW4 + n], B[ROW5 + n] = b10, b11, b12
+            B[ROW6 + n], B[ROW7 + n], B[ROW8 + n] = b20, b21, b22
+        for n in range(QUATERNIONS):
+            q[n] = turn[QUATERNIONS * block + n]
+            D[n] = _1 if n < BLOCK else _0
         _matrices(q, r)
         _times_transposed(B, r, A)
-        D[:] = _0
-        D[:16] = _1
         for _ in range(steps):
             fit_step(A, D)
-        _follow(D, q)
-        turn[64 * block : 64 * block + 64] = q
+        _compose(D, q)
+        for n in range(QUATERNIONS):
+            turn[QUATERNIONS * block + n] = q[n]
         _matrices(q, r)
-        for n in range(16):
-            o = 144 * block + 9 * n
-            for c in range(9):
-                R[o + c] = r[16 * c + n]
+        _store_by_vertex(r, block, R)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def move(start, stop, green, push, shift, x):
+def add_green_functions(start, stop, green, push, shift, x):
     """x_i += Σ_h green_h,i push_h + shift."""
-    a = np.empty(64, dtype=np.float32)
-    b = np.empty(64, dtype=np.float32)
-    c = np.empty(64, dtype=np.float32)
-    for begin in range(start, stop, 64):
-        count = min(64, stop - begin)
-        a[:], b[:], c[:] = shift[0], shift[1], shift[2]
+    memory = blocks_(3)
+    a, b, c = memory[0], memory[1], memory[2]
+    for begin in range(start, stop, MATRICES):
+        count = min(MATRICES, stop - begin)
+        for n in range(count):
+            a[n], b[n], c[n] = shift[0], shift[1], shift[2]
         for h in range(len(push)):
             row = green[h, begin : begin + count]
             u, v, w = push[h, 0], push[h, 1], push[h, 2]
@@ -353,10 +366,9 @@ def move(start, stop, green, push, shift, x):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def place(start, stop, order, Q, origin, x, out):
+def to_user_order(start, stop, order, Q, origin, x, out):
     """out_order[i] = Q x_i + origin."""
     for i in range(start, stop):
         a, b, c = x[i, 0], x[i, 1], x[i, 2]
-        row = out[order[i]]
         for d in range(3):
-            row[d] = Q[d, 0] * a + Q[d, 1] * b + Q[d, 2] * c + origin[d]
+            out[order[i], d] = Q[d, 0] * a + Q[d, 1] * b + Q[d, 2] * c + origin[d]

@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
+from scipy.linalg.lapack import dpotrf, dtrtri
 
 from deformer.geometry import FloatArray, IntArray
 from deformer.linalg.nested_dissection import Dissection, dissect
@@ -73,7 +74,10 @@ def _factor(A: sparse.csr_array, plan: Dissection) -> tuple[IntArray, FloatArray
         for child, update in children[s]:
             _add_update(bounds[child], bounds[child + 1], plan.rows, row_of, update, front)
         children[s].clear()
-        X = np.linalg.inv(np.linalg.cholesky(front[:w, :w]))
+        L, info = dpotrf(front[:w, :w], lower=1)
+        if info != 0:
+            raise np.linalg.LinAlgError("the matrix is not positive definite")
+        X, _ = dtrtri(L, lower=1, overwrite_c=1)
         block = blocks[slices[s] : slices[s + 1]].reshape(w + m, w)
         np.matmul(X.T, X, out=block[:w])
         if m:
