@@ -207,9 +207,8 @@ class Surface:
             together(decode_to_positions, calls)
         else:
             q = self._decoder.single_features(z)[self._padded].astype(np.float32)
-            q = np.ascontiguousarray(q.reshape(-1, BLOCK, 9).transpose(0, 2, 1)).reshape(
-                -1, MATRICES
-            )
+            q = np.ascontiguousarray(q.reshape(-1, BLOCK, 9).transpose(0, 2, 1))
+            q = q.reshape(-1, MATRICES)
             calls = [(a, b, q[a:b], *frame, s) for (a, b), s in zip(pieces, sums, strict=True)]
             together(gradients_and_positions, calls)
         return self._unit * sums.sum(axis=0).reshape(-1, 3, BLOCK).sum(axis=2)
@@ -270,9 +269,8 @@ class Surface:
         self._turned = True
         # One core is left to the caller.
         share = max(_SHARE, -(-self._blocks // max(1, CORES - 1)))
-        self._relaxing = begin(
-            fit_rotations, [(*piece, *rest) for piece in ranges(self._blocks, share)]
-        )
+        calls = [(*piece, *rest) for piece in ranges(self._blocks, share)]
+        self._relaxing = begin(fit_rotations, calls)
 
     def _wait(self) -> None:
         finish(self._relaxing)

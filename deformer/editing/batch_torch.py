@@ -147,9 +147,7 @@ class TorchFrames:
         for _ in range(steps):
             half = _rotation_step(A @ _matrices(D).transpose(2, 3))
             D = torch.nn.functional.normalize(_product(half, D), dim=-1)
-        D = D * torch.tensor(
-            [1.0, OVER_RELAXATION, OVER_RELAXATION, OVER_RELAXATION], device=D.device
-        )
+        D = D * torch.tensor([1.0, *3 * [float(OVER_RELAXATION)]], device=D.device)
         return _matrices(torch.nn.functional.normalize(D, dim=-1)) @ R
 
 

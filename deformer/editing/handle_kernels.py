@@ -24,9 +24,9 @@ from deformer.editing.kernels import (
     ROW8,
     VECTORS,
     add_positions,
-    blocks_,
     decode,
     gradients,
+    memory_,
 )
 from deformer.geometry import FloatArray
 from deformer.linalg import ranges, together
@@ -100,7 +100,7 @@ def _gradient_tangent(row, slope, R, C, t):
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _positions(layer, coefficients, sums):
     """sums (48 H,) = Σ T a over blocks, each vertex of a block for itself; flat coefficients."""
-    memory = blocks_(2)
+    memory = memory_()
     q, t = memory[:1], memory[1]
     for B in range(len(layer[0]) - 1):
         decode(B, B + 1, layer, q)
@@ -114,7 +114,7 @@ def _derivative(start, stop, layer, columns, tangents, out):
 
     `tangents` (K, 144) is memory.
     """
-    memory = blocks_(7)
+    memory = memory_()
     q, T, R, slope = memory[:1], memory[1], memory[2], memory[3]
     C = memory[4:7].reshape(3 * MATRICES)
     slices, components, _, matrix, _, _, gain, offset = layer

@@ -44,9 +44,9 @@ _C1, _C2, _C3, _C4, _C5, _C6, _C7 = _C[1:]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def blocks_(count):
-    """Memory for `count` blocks of matrices, (count, 144); compiled once for all kernels."""
-    return np.empty((count, MATRICES), dtype=np.float32)
+def memory_():
+    """Memory of a kernel, 32 blocks (32, 144); one function, since each `np.empty` is compiled."""
+    return np.empty((32, MATRICES), dtype=np.float32)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
@@ -125,7 +125,7 @@ def gradients_and_positions(start, stop, q, coefficients, T, sums):
     The products T_i a_h,i with the coefficients of H handles are added to sums (48 H,), each vertex
     of a block for itself.
     """
-    t = blocks_(1)[0]
+    t = memory_()[0]
     # There may be room for more handles than there are.
     stride = len(coefficients) // (len(T) // MATRICES)
     for B in range(start, stop):
@@ -162,8 +162,8 @@ def decode(start, stop, layer, q):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def decode_to_positions(start, stop, layer, coefficients, T, sums):
-    """`decode`, then `gradients_and_positions`, a few blocks at once: features stay in the cache."""
-    q = blocks_(32)
+    """`decode`, then `gradients_and_positions`, of few blocks at once, which stay in the cache."""
+    q = memory_()
     for B in range(start, stop, len(q)):
         end = min(B + len(q), stop)
         decode(B, end, layer, q)
@@ -254,12 +254,8 @@ def _compose(D, q):
     Half-angle tangents grow by OVER_RELAXATION.
     """
     for n in range(BLOCK):
-        a, b, c, d = (
-            D[n],
-            OVER_RELAXATION * D[ROW1 + n],
-            OVER_RELAXATION * D[ROW2 + n],
-            OVER_RELAXATION * D[ROW3 + n],
-        )
+        a, b = D[n], OVER_RELAXATION * D[ROW1 + n]
+        c, d = OVER_RELAXATION * D[ROW2 + n], OVER_RELAXATION * D[ROW3 + n]
         scale = _1 / math.sqrt(a * a + b * b + c * c + d * d)
         a, b, c, d = scale * a, scale * b, scale * c, scale * d
         D[n], D[ROW1 + n], D[ROW2 + n], D[ROW3 + n] = a, b, c, d
@@ -300,7 +296,7 @@ def fit_rotations(start, stop, indptr, rings, halves, x, p, R, turn, steps):
     By the rotation D = argmax tr(Dᵀ A), A_i = Σ_j c_ij (p_i − p_j) (R_i (x_i − x_j))ᵀ, with the
     shape at rest x (Sorkine and Alexa, As-Rigid-As-Possible Surface Modeling, 2007).
     """
-    memory = blocks_(5)
+    memory = memory_()
     A, D, q, B, r = memory[0], memory[1], memory[2], memory[3], memory[4]
     for n in range(MATRICES):
         B[n] = _0
@@ -346,7 +342,7 @@ def fit_rotations(start, stop, indptr, rings, halves, x, p, R, turn, steps):
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def add_green_functions(start, stop, green, push, shift, x):
     """x_i += Σ_h green_h,i push_h + shift."""
-    memory = blocks_(3)
+    memory = memory_()
     a, b, c = memory[0], memory[1], memory[2]
     for begin in range(start, stop, MATRICES):
         count = min(MATRICES, stop - begin)

@@ -288,9 +288,9 @@ def test_a_few_steps_reach_the_closest_rotation(shape):
     R = log_to_rotation(0.4 * axis / np.linalg.norm(axis, axis=1, keepdims=True))
     A = R @ np.einsum("nab,b,ncb->nac", U, shape, U)
     quaternions = np.repeat([1.0, 0, 0, 0], 16).astype(np.float32)
-    lanes = A.transpose(1, 2, 0).ravel().astype(np.float32)
+    block = A.transpose(1, 2, 0).ravel().astype(np.float32)
     for _ in range(5):
-        fit_step(lanes, quaternions)
+        fit_step(block, quaternions)
     w, x, y, z = quaternions.reshape(4, 16)
     found = Rotation.from_quat(np.column_stack([x, y, z, w])).as_matrix()
     np.testing.assert_allclose(found, R, atol=2e-3 if shape[1] < 0.1 else 1e-5)
