@@ -1,15 +1,14 @@
 """ACAP features: what each vertex's neighbourhood did to get from the reference to a shape.
 
 The deformation gradient of a vertex is split into rotation and stretch, T = R S; the feature is
-the rotation vector (continuous over the mesh, see `rotation_field`) and the upper triangle of S.
+the rotation vector (continuous over the mesh, see `consistent_rotations`) and the upper triangle
+of S.
 After Gao et al., "Sparse Data Driven Mesh Deformation" (arXiv 1709.01250).
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numba import njit
@@ -24,13 +23,16 @@ from deformer.geometry import (
     Mesh,
     MeshSequence,
     closest_rotation_,
+    closest_rotations,
     connected_components,
     cotan_weights,
     exp_,
+    laplacian,
     log_to_rotation,
     one_rings,
+    rhs_matrix,
 )
-from deformer.linalg import SparseCholesky, over_ranges
+from deformer.linalg import SparseCholesky, in_parallel, over_ranges
 
 Progress = Callable[[int, int], None]
 
@@ -46,20 +48,23 @@ _NORMAL_WEIGHT = 0.05
 @njit(cache=True, nogil=True, error_model="numpy")
 def _vertex_normals(p, faces, out):
     """Area-weighted unit normals; zero where the faces around a vertex cancel."""
-    out[:] = 0.0
+    for i in range(len(p)):
+        for d in range(3):
+            out[i, d] = 0.0
     for f in range(len(faces)):
-        i, j, k = faces[f]
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
         ux, uy, uz = p[j, 0] - p[i, 0], p[j, 1] - p[i, 1], p[j, 2] - p[i, 2]
         wx, wy, wz = p[k, 0] - p[i, 0], p[k, 1] - p[i, 1], p[k, 2] - p[i, 2]
-        nx, ny, nz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
-        for v in (i, j, k):
-            out[v, 0] += nx
-            out[v, 1] += ny
-            out[v, 2] += nz
+        for corner in range(3):
+            v = faces[f, corner]
+            out[v, 0] += uy * wz - uz * wy
+            out[v, 1] += uz * wx - ux * wz
+            out[v, 2] += ux * wy - uy * wx
     for i in range(len(p)):
         length = np.sqrt(out[i, 0] ** 2 + out[i, 1] ** 2 + out[i, 2] ** 2)
         if length > 0.0:
-            out[i] /= length
+            for d in range(3):
+                out[i, d] /= length
 
 
 def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
@@ -72,7 +77,9 @@ def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _gradients(v, p, indptr, rings, c, normals, new_normals, inverse, ridge, weight, T):
-    """Normal equations T M = Σ c p_e v_eᵀ + weight n' nᵀ + ridge R, one 3×3 system a vertex.
+    """T_i = argmin Σ_j c_ij ‖(p_i − p_j) − T (v_i − v_j)‖² (Tan et al. 2018, section 3).
+
+    Normal equations T M = Σ c p_e v_eᵀ + weight n' nᵀ + ridge R, one 3×3 system a vertex.
 
     Here R is the rotation closest to the right-hand side without the ridge, so that a rigid
     motion of any ring, flat or collapsed to a line, gives exactly that motion's rotation.
@@ -80,7 +87,9 @@ def _gradients(v, p, indptr, rings, c, normals, new_normals, inverse, ridge, wei
     B = np.empty((3, 3))
     R = np.empty((3, 3))
     for i in range(len(v)):
-        B[:] = 0.0
+        for a in range(3):
+            for b in range(3):
+                B[a, b] = 0.0
         for k in range(indptr[i], indptr[i + 1]):
             j = rings[k]
             for a in range(3):
@@ -104,12 +113,6 @@ def _gradients(v, p, indptr, rings, c, normals, new_normals, inverse, ridge, wei
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _rotations(T, R):
-    for i in range(len(T)):
-        closest_rotation_(T[i], R[i])
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def _stretches(T, R, s):
     """Upper triangle of the symmetric part of Rᵀ T."""
     for i in range(len(T)):
@@ -124,17 +127,24 @@ def _stretches(T, R, s):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def gradient_(q, R, T):
+    """T (3, 3) = exp(r) S and R (3, 3) = exp(r) of a feature q (9,) = (r, S).
+
+    The one double-precision version of T = R S (Tan et al. 2018, section 3).
+    """
+    exp_(q, R)
+    for a in range(3):
+        x, y, z = R[a, 0], R[a, 1], R[a, 2]
+        T[a, 0] = x * q[3] + y * q[4] + z * q[5]
+        T[a, 1] = x * q[4] + y * q[6] + z * q[7]
+        T[a, 2] = x * q[5] + y * q[7] + z * q[8]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _to_gradients(start, stop, q, T):
-    """T = exp(r) S from features q (V, 9)."""
     R = np.empty((3, 3))
     for i in range(start, stop):
-        exp_(q[i, :3], R)
-        s = q[i, 3:]
-        for a in range(3):
-            x, y, z = R[a, 0], R[a, 1], R[a, 2]
-            T[i, a, 0] = x * s[0] + y * s[1] + z * s[2]
-            T[i, a, 1] = x * s[1] + y * s[3] + z * s[4]
-            T[i, a, 2] = x * s[2] + y * s[4] + z * s[5]
+        gradient_(q[i], R, T[i])
 
 
 def features_to_gradients(q: ArrayLike) -> FloatArray:
@@ -152,8 +162,8 @@ class FeatureExtractor:
     """Features of shapes against one reference: set up once, extract many.
 
     Args:
-        reference: the undeformed mesh. Its cotangent weights (clamped, see `mesh.cotan_weights`)
-            and normals are prepared here.
+        reference: the undeformed mesh. Its cotangent weights (clamped, see
+            `geometry.cotan_weights`) and normals are prepared here.
     """
 
     def __init__(self, reference: Mesh) -> None:
@@ -181,10 +191,9 @@ class FeatureExtractor:
         self._ridge = np.where(smallest > 1e-6 * scale, self._ridge, 1e-3 * scale)
         M += self._ridge[:, None, None] * np.eye(3)
         self._inverse = np.linalg.inv(M)
-        degree = np.asarray(self.weights.sum(axis=1)).ravel()
-        self._laplacian = sparse.csr_array(sparse.diags_array(degree) - self.weights)
-        self._divergence = _divergence(v, self.weights)
-        gram = self._divergence @ self._divergence.T
+        self._laplacian = laplacian(self.weights)
+        self._rhs_matrix = rhs_matrix(self.weights, v)
+        gram = self._rhs_matrix @ self._rhs_matrix.T
         # Constants are in the null space (b sums to zero): a tiny ridge makes it definite.
         ridge = 1e-9 * gram.diagonal().mean() * sparse.eye_array(V)
         self._gram = SparseCholesky(gram + ridge, v)
@@ -224,16 +233,17 @@ class FeatureExtractor:
             self._normal_weight,
             T,
         )
-        misfit = self._laplacian @ p - self._divergence @ _columns(T)
-        T += _from_columns(self._divergence.T @ self._gram.solve(misfit))
+        misfit = self._laplacian @ p - self._rhs_matrix @ _columns(T)
+        T += _from_columns(self._rhs_matrix.T @ self._gram.solve(misfit))
         return T
 
     def extract(self, vertices: ArrayLike) -> FloatArray:
         """Features (V, 9) of one shape (V, 3): rotation vector, then xx xy xz yy yz zz of S."""
         T = self.gradients(vertices)
-        R = np.empty_like(T)
-        _rotations(T, R)
+        # T = R S by polar decomposition (Tan et al. 2018, section 3).
+        R = closest_rotations(T)
         q = np.empty((len(T), 9))
+        # log R, one of its values a vertex (Gao et al. 2019, ACAP).
         r, bridged = continuous_logs(R, self.indptr, self.rings, self._labels)
         q[:, :3] = r
         if bridged.any():
@@ -252,11 +262,11 @@ class FeatureExtractor:
             around |= np.bincount(self.rings, np.repeat(around, np.diff(self.indptr)), len(q)) > 0
         vertices = np.flatnonzero(around)
         R = log_to_rotation(q[vertices, :3])
-        misfit = self._divergence @ _columns(T - features_to_gradients(q))
+        misfit = self._rhs_matrix @ _columns(T - features_to_gradients(q))
         basis = np.zeros((6, 3, 3))
         basis[np.arange(6), STRETCH_ROWS, STRETCH_COLUMNS] = 1.0
         basis[np.arange(6), STRETCH_COLUMNS, STRETCH_ROWS] = 1.0
-        near = self._divergence[:, (3 * vertices[:, None] + np.arange(3)).ravel()]
+        near = self._rhs_matrix[:, (3 * vertices[:, None] + np.arange(3)).ravel()]
         rows = np.flatnonzero(np.diff(near.indptr))
         near = near[rows]
         # Row a of ∂T/∂s at each vertex, as blocks (3, 6) on the diagonal.
@@ -283,22 +293,6 @@ def _from_columns(columns: FloatArray) -> FloatArray:
     return columns.reshape(-1, 3, 3).transpose(0, 2, 1)
 
 
-def _divergence(v: FloatArray, weights: sparse.csr_array) -> sparse.csr_array:
-    """Matrix (V, 3V) of b(T): b_i = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j) = (D columns(T))_i."""
-    V = len(v)
-    rows = np.repeat(np.arange(V), np.diff(weights.indptr))
-    edges = 0.5 * weights.data[:, None] * (v[rows] - v[weights.indices])
-    own = np.zeros((V, 3))
-    np.add.at(own, rows, edges)
-    data = np.concatenate([edges, own])
-    row = np.concatenate([rows, np.arange(V)])
-    column = np.concatenate([weights.indices, np.arange(V)])
-    return sparse.csr_array(
-        (data.ravel(), (np.repeat(row, 3), (3 * column[:, None] + np.arange(3)).ravel())),
-        shape=(V, 3 * V),
-    )
-
-
 def extract_features(
     shapes: MeshSequence, reference: int = 0, progress: Progress | None = None
 ) -> FloatArray:
@@ -320,14 +314,14 @@ def extract_features(
 def extract_all(
     extractor: FeatureExtractor, vertices: FloatArray, progress: Progress | None = None
 ) -> FloatArray:
-    """Features (N, V, 9) of `vertices` (N, V, 3), one shape a thread (the kernels drop the GIL)."""
+    """Features (N, V, 9) of `vertices` (N, V, 3), shapes side by side on all cores."""
     q = np.empty((*vertices.shape[:2], 9))
 
-    def one(index: int) -> None:
+    def extract(index: int) -> None:
         q[index] = extractor.extract(vertices[index])
 
-    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
-        for done, _ in enumerate(pool.map(one, range(len(vertices))), start=1):
-            if progress is not None:
-                progress(done, len(vertices))
+    indices = range(len(vertices))
+    for done, _ in enumerate(in_parallel(extract, indices), start=1):
+        if progress is not None:
+            progress(done, len(vertices))
     return q

@@ -22,62 +22,55 @@ _ENTRY = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def gradient_derivative_(q, R, J, D):
+    """D (9, 3, 3) = ∂T/∂q_m of T = exp(r) S at a feature q (9,) = (r, S); R and J are memory.
+
+    The one double-precision version. exp(r + δ) = exp(r) exp(J δ) to first order, so that
+    ∂T/∂r_m = R [J_m]× S with column m of the right Jacobian J, and ∂T/∂s_m = R ∂S/∂s_m.
+    """
+    exp_(q, R)
+    right_jacobian_(q, J)
+    for a in range(3):
+        x, y, z = R[a, 0], R[a, 1], R[a, 2]
+        for b in range(3):
+            s0, s1, s2 = q[3 + _ENTRY[0, b]], q[3 + _ENTRY[1, b]], q[3 + _ENTRY[2, b]]
+            # Row a of R times [J_m]× column b of S is J_m · (column b of S × row a of R).
+            c0, c1, c2 = s1 * z - s2 * y, s2 * x - s0 * z, s0 * y - s1 * x
+            for m in range(3):
+                D[m, a, b] = J[0, m] * c0 + J[1, m] * c1 + J[2, m] * c2
+            for m in range(3, 9):
+                D[m, a, b] = 0.0
+            for d in range(3):
+                D[3 + _ENTRY[d, b], a, b] = R[a, d]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _sensitivities(q, coefficients, g):
     """g[3h + d, 9i + m] = ∂p_h,d / ∂q_i,m."""
-    R = np.empty((3, 3))
-    J = np.empty((3, 3))
+    R, J, D = np.empty((3, 3)), np.empty((3, 3)), np.empty((9, 3, 3))
     for i in range(len(q)):
-        exp_(q[i, :3], R)
-        right_jacobian_(q[i, :3], J)
-        s = q[i, 3:]
+        gradient_derivative_(q[i], R, J, D)
         for h in range(len(coefficients)):
-            a0, a1, a2 = coefficients[h, i]
-            y0 = s[0] * a0 + s[1] * a1 + s[2] * a2
-            y1 = s[1] * a0 + s[3] * a1 + s[4] * a2
-            y2 = s[2] * a0 + s[4] * a1 + s[5] * a2
+            x, y, z = coefficients[h, i, 0], coefficients[h, i, 1], coefficients[h, i, 2]
             for d in range(3):
-                x, y, z = R[d, 0], R[d, 1], R[d, 2]
-                c0 = z * y1 - y * y2
-                c1 = x * y2 - z * y0
-                c2 = y * y0 - x * y1
-                row = g[3 * h + d, 9 * i : 9 * i + 9]
-                row[0] = c0 * J[0, 0] + c1 * J[1, 0] + c2 * J[2, 0]
-                row[1] = c0 * J[0, 1] + c1 * J[1, 1] + c2 * J[2, 1]
-                row[2] = c0 * J[0, 2] + c1 * J[1, 2] + c2 * J[2, 2]
-                row[3] = x * a0
-                row[4] = x * a1 + y * a0
-                row[5] = x * a2 + z * a0
-                row[6] = y * a1
-                row[7] = y * a2 + z * a1
-                row[8] = z * a2
+                for m in range(9):
+                    g[3 * h + d, 9 * i + m] = D[m, d, 0] * x + D[m, d, 1] * y + D[m, d, 2] * z
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _decoder_tangents(start, stop, q, slope, matrix, out):
     """out[3 i + b, a K + k] = ∂T_i,ab / ∂z_k."""
-    R = np.empty((3, 3))
-    J = np.empty((3, 3))
+    R, J, D = np.empty((3, 3)), np.empty((3, 3)), np.empty((9, 3, 3))
     c = np.empty(9, dtype=np.float32)
     K = matrix.shape[2]
     for i in range(start, stop):
-        exp_(q[i, :3], R)
-        right_jacobian_(q[i, :3], J)
-        e, s, M = slope[i], q[i, 3:], matrix[i]
+        gradient_derivative_(q[i], R, J, D)
+        M = matrix[i]
         M0, M1, M2, M3, M4, M5, M6, M7, M8 = M[0], M[1], M[2], M[3], M[4], M[5], M[6], M[7], M[8]
         for b in range(3):
-            # Column b of S, and where its entries stand among the six of the stretch.
-            s0, s1, s2 = s[_ENTRY[0, b]], s[_ENTRY[1, b]], s[_ENTRY[2, b]]
             for a in range(3):
-                x, y, z = R[a, 0], R[a, 1], R[a, 2]
-                c[:] = 0.0
-                for m in range(3):
-                    turned = x * (J[1, m] * s2 - J[2, m] * s1)
-                    turned += y * (J[2, m] * s0 - J[0, m] * s2)
-                    turned += z * (J[0, m] * s1 - J[1, m] * s0)
-                    c[m] = e[m] * turned
-                for d in range(3):
-                    m = 3 + _ENTRY[d, b]
-                    c[m] += e[m] * R[a, d]
+                for m in range(9):
+                    c[m] = slope[i, m] * D[m, a, b]
                 row = out[3 * i + b, a * K : (a + 1) * K]
                 # In two passes: the compiler checks few pairs of arrays for overlap.
                 c0, c1, c2, c3, c4 = c[0], c[1], c[2], c[3], c[4]
@@ -90,39 +83,17 @@ def _decoder_tangents(start, stop, q, slope, matrix, out):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _tangents(q, dq, dT):
-    R = np.empty((3, 3))
-    J = np.empty((3, 3))
-    D = np.empty((3, 3))
-    S = np.empty((3, 3))
-    w = np.empty(3)
+    """dT[k, i] = Σ_m ∂T_i/∂q_i,m dq[k, i, m]."""
+    R, J, D = np.empty((3, 3)), np.empty((3, 3)), np.empty((9, 3, 3))
     for i in range(len(q)):
-        exp_(q[i, :3], R)
-        right_jacobian_(q[i, :3], J)
-        s = q[i, 3:]
-        S[0, 0], S[0, 1], S[0, 2] = s[0], s[1], s[2]
-        S[1, 0], S[1, 1], S[1, 2] = s[1], s[3], s[4]
-        S[2, 0], S[2, 1], S[2, 2] = s[2], s[4], s[5]
+        gradient_derivative_(q[i], R, J, D)
         for k in range(len(dq)):
-            e = dq[k, i]
-            for d in range(3):
-                w[d] = J[d, 0] * e[0] + J[d, 1] * e[1] + J[d, 2] * e[2]
-            # D = [w]× S + dS, then dT = R D.
-            for b in range(3):
-                D[0, b] = w[1] * S[2, b] - w[2] * S[1, b]
-                D[1, b] = w[2] * S[0, b] - w[0] * S[2, b]
-                D[2, b] = w[0] * S[1, b] - w[1] * S[0, b]
-            D[0, 0] += e[3]
-            D[0, 1] += e[4]
-            D[1, 0] += e[4]
-            D[0, 2] += e[5]
-            D[2, 0] += e[5]
-            D[1, 1] += e[6]
-            D[1, 2] += e[7]
-            D[2, 1] += e[7]
-            D[2, 2] += e[8]
             for a in range(3):
                 for b in range(3):
-                    dT[k, i, a, b] = R[a, 0] * D[0, b] + R[a, 1] * D[1, b] + R[a, 2] * D[2, b]
+                    total = 0.0
+                    for m in range(9):
+                        total += D[m, a, b] * dq[k, i, m]
+                    dT[k, i, a, b] = total
 
 
 def positions_from_features(q: FloatArray, coefficients: FloatArray) -> FloatArray:

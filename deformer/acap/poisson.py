@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 from scipy import sparse
 
@@ -18,6 +17,9 @@ from deformer.geometry import (
     MeshSequence,
     connected_components,
     cotan_weights,
+    laplacian,
+    rhs_,
+    rhs_adjoint_,
 )
 from deformer.linalg import SparseCholesky, over_ranges
 
@@ -25,46 +27,6 @@ from deformer.linalg import SparseCholesky, over_ranges
 _TENSION = 100.0
 # Shapes reconstructed at once: a multiple of three right-hand sides, bounded memory.
 _BATCH = 40
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _rhs(start, stop, indptr, rings, c, v, T, b):
-    """b_i = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j)."""
-    for i in range(start, stop):
-        bx = by = bz = 0.0
-        for k in range(indptr[i], indptr[i + 1]):
-            j = rings[k]
-            x = 0.5 * c[k] * (v[i, 0] - v[j, 0])
-            y = 0.5 * c[k] * (v[i, 1] - v[j, 1])
-            z = 0.5 * c[k] * (v[i, 2] - v[j, 2])
-            bx += (T[i, 0, 0] + T[j, 0, 0]) * x
-            bx += (T[i, 0, 1] + T[j, 0, 1]) * y
-            bx += (T[i, 0, 2] + T[j, 0, 2]) * z
-            by += (T[i, 1, 0] + T[j, 1, 0]) * x
-            by += (T[i, 1, 1] + T[j, 1, 1]) * y
-            by += (T[i, 1, 2] + T[j, 1, 2]) * z
-            bz += (T[i, 2, 0] + T[j, 2, 0]) * x
-            bz += (T[i, 2, 1] + T[j, 2, 1]) * y
-            bz += (T[i, 2, 2] + T[j, 2, 2]) * z
-        b[i, 0] = bx
-        b[i, 1] = by
-        b[i, 2] = bz
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _coefficients(start, stop, indptr, rings, c, v, green, out):
-    """a_i = ½ Σ_j c_ij (G_i − G_j)(v_i − v_j), so that G·b(T) = Σ_i T_i a_i."""
-    for i in range(start, stop):
-        x = y = z = 0.0
-        for k in range(indptr[i], indptr[i + 1]):
-            j = rings[k]
-            w = 0.5 * c[k] * (green[i] - green[j])
-            x += w * (v[i, 0] - v[j, 0])
-            y += w * (v[i, 1] - v[j, 1])
-            z += w * (v[i, 2] - v[j, 2])
-        out[i, 0] = x
-        out[i, 1] = y
-        out[i, 2] = z
 
 
 def _bridge_edges(v: FloatArray, count: int, labels: np.ndarray) -> np.ndarray:
@@ -118,9 +80,7 @@ class PoissonSystem:
         self.indptr = weights.indptr.astype(np.int64)
         self.rings = weights.indices.astype(np.int64)
         self.c = weights.data
-        self.laplacian = sparse.csr_array(
-            sparse.diags_array(np.asarray(weights.sum(axis=1)).ravel()) - weights
-        )
+        self.laplacian = laplacian(weights)
         # Fixing the anchor softly keeps all V rows; since every b sums to zero the solution does
         # not feel the value of the stiffness, only its scale must fit L's.
         self.anchor = 0
@@ -140,7 +100,7 @@ class PoissonSystem:
         gradients = np.ascontiguousarray(T, dtype=np.float64)
         b = np.empty((len(gradients), 3))
         mesh = self.indptr, self.rings, self.c, self.reference.vertices
-        over_ranges(_rhs, len(gradients), *mesh, gradients, b)
+        over_ranges(rhs_, len(gradients), *mesh, gradients, b)
         return b
 
     def solve(self, T: ArrayLike) -> FloatArray:
@@ -210,9 +170,9 @@ class PoissonSystem:
     def position_coefficients(self, green: FloatArray) -> FloatArray:
         """Coefficients a (H, V, 3) with G_h · b(T) = Σ_i T_i a_h,i, of Green rows G (H, V)."""
         out = np.empty((*green.shape, 3))
-        for row, coefficient in zip(green, out, strict=True):
-            mesh = self.indptr, self.rings, self.c, self.reference.vertices
-            over_ranges(_coefficients, len(row), *mesh, row, coefficient)
+        mesh = self.indptr, self.rings, self.c, self.reference.vertices
+        for row, coefficients in zip(green, out, strict=True):
+            over_ranges(rhs_adjoint_, len(row), *mesh, row, coefficients)
         return out
 
 

@@ -13,7 +13,13 @@ from scipy import sparse
 
 from deformer.acap import PoissonSystem
 from deformer.baselines._shell import Shell
-from deformer.geometry import FloatArray, IntArray, connected_components, cotan_weights, polar
+from deformer.geometry import (
+    FloatArray,
+    IntArray,
+    closest_rotations,
+    connected_components,
+    cotan_weights,
+)
 from deformer.linalg import SparseCholesky
 
 # Rounds of inverse iteration for the frames, and the shift that keeps their matrix definite.
@@ -123,7 +129,7 @@ class Connection:
         X = self._reference_frames().transpose(0, 2, 1).reshape(-1, 3)
         for _ in range(_ROUNDS):
             X = self._orthonormal(factor.solve(X).reshape(F, 3, 3)).reshape(-1, 3)
-        return polar(X.reshape(F, 3, 3).transpose(0, 2, 1))[0]
+        return closest_rotations(X.reshape(F, 3, 3).transpose(0, 2, 1))
 
     def _orthonormal(self, X: FloatArray) -> FloatArray:
         """Blocks X_f (F, 3, 3) times one matrix a component, so that the mean of XᵀX is one."""

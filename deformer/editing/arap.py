@@ -28,7 +28,7 @@ from deformer.editing.kernels import (
     to_user_order,
 )
 from deformer.geometry import FloatArray, IntArray
-from deformer.linalg import CORES, begin, finish, over_ranges, ranges, together
+from deformer.linalg import CORES, over_ranges, ranges, run_calls, start_calls, wait_for
 from deformer.network import Decoder
 
 # Blocks below which a second thread does not pay.
@@ -204,13 +204,13 @@ class Surface:
             layer = self._slices, self._components, self._scale, self._matrix
             layer = *layer, code, self._base, self._gain, self._offset
             calls = [(*p, layer, *frame, s) for p, s in zip(pieces, sums, strict=True)]
-            together(decode_to_positions, calls)
+            run_calls(decode_to_positions, calls)
         else:
             q = self._decoder.single_features(z)[self._padded].astype(np.float32)
             q = np.ascontiguousarray(q.reshape(-1, BLOCK, 9).transpose(0, 2, 1))
             q = q.reshape(-1, MATRICES)
             calls = [(a, b, q[a:b], *frame, s) for (a, b), s in zip(pieces, sums, strict=True)]
-            together(gradients_and_positions, calls)
+            run_calls(gradients_and_positions, calls)
         return self._unit * sums.sum(axis=0).reshape(-1, 3, BLOCK).sum(axis=2)
 
     def sum_edges(self) -> None:
@@ -270,10 +270,10 @@ class Surface:
         # One core is left to the caller.
         share = max(_SHARE, -(-self._blocks // max(1, CORES - 1)))
         calls = [(*piece, *rest) for piece in ranges(self._blocks, share)]
-        self._relaxing = begin(fit_rotations, calls)
+        self._relaxing = start_calls(fit_rotations, calls)
 
     def _wait(self) -> None:
-        finish(self._relaxing)
+        wait_for(self._relaxing)
         self._relaxing = []
 
     @property

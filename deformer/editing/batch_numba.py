@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from deformer.editing.green_functions import HandleBasis
 from deformer.geometry import FloatArray
-from deformer.linalg import each
+from deformer.linalg import in_parallel, split
 
 # Steps of the local rotation fits: in the first round and in later ones.
 FIRST_TURNS = 8
@@ -72,7 +72,7 @@ class NumbaFrames:
             for m in part:
                 out[m] = self._handles.at(z[m]).positions
 
-        each(some, len(z))
+        list(in_parallel(some, split(len(z))))
         return out
 
     def jacobians(self, z: FloatArray) -> FloatArray:
@@ -83,7 +83,7 @@ class NumbaFrames:
             for m in part:
                 out[m] = self._handles.at(z[m]).derivative()
 
-        each(some, len(z))
+        list(in_parallel(some, split(len(z))))
         return out
 
     def by_all(self, z: FloatArray) -> FloatArray:
@@ -95,7 +95,7 @@ class NumbaFrames:
             for m in part:
                 out[m] = surface.decode(z[m])
 
-        each(some, len(z))
+        list(in_parallel(some, split(len(z))))
         return out
 
     def shapes(
@@ -128,4 +128,4 @@ class NumbaFrames:
                 out[m] = surface.positions(Q[m], origin[m])
                 out[m, vertices[held[m]]] = goals[m, held[m]]
 
-        each(some, len(z))
+        list(in_parallel(some, split(len(z))))

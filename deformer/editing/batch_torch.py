@@ -67,7 +67,7 @@ class TorchFrames:
         S = self._landmark_coefficients.shape[1]
         parts = []
         for part in self._batches(len(z), S):
-            T = _gradients(self._landmarks(self._tensor(z[part])))
+            T = gradients(self._landmarks(self._tensor(z[part])))
             parts.append(torch.einsum("msab,hsb->mha", T, self._landmark_coefficients))
         return _numpy(torch.cat(parts))
 
@@ -79,7 +79,7 @@ class TorchFrames:
         for part in self._batches(len(z), S, 27 * max(1, len(coefficients))):
             q, slope = self._landmarks.with_slope(self._tensor(z[part]))
             # ∂T/∂q (m, S, 3, 3, 9) times the slope and the rows of the decoder's matrix.
-            dT = _gradient_derivatives(q) * slope[:, :, None, None]
+            dT = gradient_derivatives(q) * slope[:, :, None, None]
             by_coefficient = torch.einsum("msabc,hsb->mhasc", dT, coefficients)
             J = by_coefficient.reshape(len(q), 3 * H, 9 * S) @ self._landmarks.matrix.reshape(
                 9 * S, K
@@ -91,7 +91,7 @@ class TorchFrames:
         """Handle positions (m, H, 3) by all vertices."""
         parts = []
         for part in self._batches(len(z), self._coefficients.shape[1] // 3):
-            T = _gradients(self._all(self._tensor(z[part])))
+            T = gradients(self._all(self._tensor(z[part])))
             columns = T.transpose(2, 3).reshape(len(T), -1, 3)
             parts.append(self._coefficients @ columns)
         return _numpy(torch.cat(parts))
@@ -119,7 +119,7 @@ class TorchFrames:
                 f = frames[part]
                 back = (goals[f][:, which] - origin[f][:, None]) @ Q[f] / self._unit
                 ends = index, rows, inverse, self._tensor(back)
-                rest = self._solved(_gradients(self._all(self._tensor(z[f]))), self._edges)
+                rest = self._solved(gradients(self._all(self._tensor(z[f]))), self._edges)
                 p = _met(rest, *ends)
                 edges = self._halves * (rest[:, self._from] - rest[:, self._to])
                 R = torch.eye(3, device=p.device).expand(*p.shape[:2], 3, 3)
@@ -132,9 +132,7 @@ class TorchFrames:
 
     def _solved(self, T: Tensor, edges: Tensor) -> Tensor:
         """Positions (m, V, 3) of L p = Σ_j (T_i + T_j) e_ij, up to a translation."""
-        b = torch.zeros(T.shape[:3], device=T.device)
-        sums = ((T[:, self._from] + T[:, self._to]) @ edges[..., None])[..., 0]
-        return self._factor.solve(b.index_add_(1, self._from, sums))
+        return self._factor.solve(rhs(T, self._from, self._to, edges))
 
     def _turned(self, R: Tensor, edges: Tensor, p: Tensor, steps: int) -> Tensor:
         """Rotations turned to fit the edges of p: `kernels.fit_rotations` for all frames."""
@@ -210,6 +208,19 @@ class _Factor:
         return x[self._place].reshape(V, m, 3).permute(1, 0, 2)
 
 
+def rhs(T: Tensor, start: Tensor, end: Tensor, edges: Tensor) -> Tensor:
+    """b_i = Σ_j (T_i + T_j) e_ij (m, V, 3) of matrices T (m, V, 3, 3): `geometry.rhs_` in torch.
+
+    Args:
+        T: (m, V, 3, 3).
+        start, end: (E,) vertices i and j of directed edges.
+        edges: e_ij = ½ c_ij (v_i − v_j), (E, 3), or (m, E, 3).
+    """
+    b = torch.zeros(T.shape[:3], dtype=T.dtype, device=T.device)
+    sums = ((T[:, start] + T[:, end]) @ edges[..., None])[..., 0]
+    return b.index_add_(1, start, sums)
+
+
 def _met(p: Tensor, index: Tensor, green: Tensor, inverse: Tensor, targets: Tensor) -> Tensor:
     """Positions (m, V, 3) moved until exact handles are at their targets: `Surface.meet`."""
     if len(index) == 0:
@@ -274,7 +285,7 @@ def _exponential(r: Tensor) -> tuple[Tensor, Tensor]:
     a = torch.where(small, 1.0 - u / 6.0, t.sin() / t)
     b = torch.where(small, 0.5 - u / 24.0, 2.0 * (0.5 * t).sin() ** 2 / t**2)
     c = torch.where(small, 1.0 / 6.0 - u / 120.0, (t - t.sin()) / t**3)
-    cross, eye = _cross(r), torch.eye(3, device=r.device)
+    cross, eye = _cross(r), torch.eye(3, dtype=r.dtype, device=r.device)
     square = cross @ cross
     return eye + a * cross + b * square, eye - b * cross + c * square
 
@@ -287,17 +298,17 @@ def _stretch(s: Tensor) -> Tensor:
     return S
 
 
-def _gradients(q: Tensor) -> Tensor:
-    """Deformation gradients T = exp(r) S (…, 3, 3) of features (…, 9)."""
+def gradients(q: Tensor) -> Tensor:
+    """T = exp(r) S (…, 3, 3) of features (…, 9): `acap.features_to_gradients` in torch."""
     return _exponential(q[..., :3])[0] @ _stretch(q[..., 3:])
 
 
-def _gradient_derivatives(q: Tensor) -> Tensor:
-    """∂T/∂q (…, 3, 3, 9) of features (…, 9)."""
+def gradient_derivatives(q: Tensor) -> Tensor:
+    """∂T/∂q (…, 3, 3, 9) of features (…, 9): `acap.gradient_tangents` in torch."""
     R, J = _exponential(q[..., :3])
     S = _stretch(q[..., 3:])
     # exp(r + δ) = exp(r) exp(J δ): the change of T is R [J δ]× S.
     turned = R[..., None, :, :] @ _cross(J.transpose(-1, -2)) @ S[..., None, :, :]
-    units = _stretch(torch.eye(6, device=q.device))
+    units = _stretch(torch.eye(6, dtype=q.dtype, device=q.device))
     stretched = R[..., None, :, :] @ units
     return torch.cat([turned, stretched], -3).movedim(-3, -1)

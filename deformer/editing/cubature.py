@@ -10,38 +10,13 @@ leaves out is measured exactly at the current code and carried along as an offse
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from scipy import sparse
 
-from deformer.geometry import FloatArray, IntArray
+from deformer.geometry import FloatArray, IntArray, farthest_rows
 from deformer.network import Decoder
 
 _SKETCH = 12
 _POOL = 20_000
-
-
-@njit(cache=True, fastmath=True)
-def _farthest(points, count):
-    """Indices (count,) of farthest points from the first one on, and the nearest of them (n,)."""
-    n, width = points.shape
-    nearest = np.full(n, np.inf, dtype=np.float32)
-    labels = np.zeros(n, dtype=np.int64)
-    chosen = np.zeros(count, dtype=np.int64)
-    for c in range(count):
-        mark = points[chosen[c]]
-        farthest = 0
-        for i in range(n):
-            distance = np.float32(0.0)
-            for d in range(width):
-                distance += (points[i, d] - mark[d]) ** 2
-            if distance < nearest[i]:
-                nearest[i] = distance
-                labels[i] = c
-            if nearest[i] > nearest[farthest]:
-                farthest = i
-        if c + 1 < count:
-            chosen[c + 1] = farthest
-    return chosen, labels
 
 
 def choose_landmarks(
@@ -71,7 +46,7 @@ def choose_landmarks(
     description = np.hstack([sketch, spread / (spread.std() or 1.0)]).astype(np.float32)
     # Farthest points of a part keep the choice linear in V for large meshes.
     pool = np.arange(V) if V <= _POOL else np.sort(rng.choice(V, _POOL, replace=False))
-    chosen, labels = _farthest(description[pool], count)
+    chosen, labels = farthest_rows(description[pool], count)
     chosen = pool[chosen]
     if len(pool) < V:
         marks = description[chosen]

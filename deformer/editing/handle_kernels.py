@@ -29,7 +29,7 @@ from deformer.editing.kernels import (
     memory_,
 )
 from deformer.geometry import FloatArray
-from deformer.linalg import ranges, together
+from deformer.linalg import ranges, run_calls
 from deformer.network import Decoder
 
 # Blocks below which a second thread does not pay.
@@ -215,5 +215,5 @@ class BlockEvaluation:
         tangents = np.empty((len(pieces), J.shape[1], MATRICES), dtype=np.float32)
         rest = zip(pieces, tangents, J, strict=True)
         calls = [(*p, self._layer, handles.columns, t, j) for p, t, j in rest]
-        together(_derivative, calls)
+        run_calls(_derivative, calls)
         return J.sum(axis=0).transpose(2, 1, 0).astype(np.float64, order="C")

@@ -23,7 +23,7 @@ from deformer.editing.handles import check_handles
 from deformer.editing.solver import HandleSolver
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, log_to_rotation, right_jacobian
-from deformer.linalg import each, one_blas_thread, resolve_device
+from deformer.linalg import in_parallel, one_blas_thread, resolve_device, split
 from deformer.model import DeformationModel
 
 # Every so many frames one is solved on its own, as a start for those around it.
@@ -321,7 +321,7 @@ class _Problem:
                 frames = slice(window.start + at.start, window.start + at.stop)
                 A[at], gradient[at] = self._some_equations(frames, X[at], P[at], slope[at])
 
-        each(some, len(X))
+        list(in_parallel(some, split(len(X))))
         return A, gradient
 
     def _some_equations(

@@ -3,6 +3,10 @@ from .geodesics import (
 )
 from .laplacian import (
     cotan_weights as cotan_weights,
+    laplacian as laplacian,
+    rhs_ as rhs_,
+    rhs_adjoint_ as rhs_adjoint_,
+    rhs_matrix as rhs_matrix,
 )
 from .mesh import (
     FloatArray as FloatArray,
@@ -23,6 +27,7 @@ from .metrics import (
 from .rotations import (
     align as align,
     closest_rotation_ as closest_rotation_,
+    closest_rotations as closest_rotations,
     exp_ as exp_,
     log_ as log_,
     log_to_rotation as log_to_rotation,
@@ -34,6 +39,7 @@ from .rotations import (
 )
 from .sampling import (
     farthest_points as farthest_points,
+    farthest_rows as farthest_rows,
     spread as spread,
 )
 from .strain import (

@@ -1,16 +1,20 @@
-"""Cotangent weights of a mesh's edges, the weights of its Laplacian."""
+"""Cotangent weights of a mesh's edges, its Laplacian L, and the right-hand side b(T) of L p = b(T).
+
+The one double-precision version of b_i(T) = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j), in three forms: as a
+compiled loop, as a sparse matrix, and its adjoint. The kernels of a frame and the torch backend
+have versions in single precision, which the tests hold against this one.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from scipy import sparse
 
-from deformer.geometry.mesh import Mesh
+from deformer.geometry.mesh import FloatArray, Mesh
 
 # Bounds on the cotangent weight of an edge. Cotangents have no unit, so these hold at any scale.
 MIN_COTAN_WEIGHT = 1e-2
-
-
 MAX_COTAN_WEIGHT = 1e2
 
 
@@ -55,3 +59,75 @@ def cotan_weights(mesh: Mesh) -> sparse.csr_array:
     weights.sort_indices()
     np.clip(weights.data, MIN_COTAN_WEIGHT, MAX_COTAN_WEIGHT, out=weights.data)
     return weights
+
+
+def laplacian(weights: sparse.csr_array) -> sparse.csr_array:
+    """Laplacian L = diag(Σ_j c_ij) − C (V, V) of symmetric edge weights C (V, V)."""
+    degree = np.asarray(weights.sum(axis=1)).ravel()
+    return sparse.csr_array(sparse.diags_array(degree) - weights)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def rhs_(start, stop, indptr, rings, c, v, T, b):
+    """b_i = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j) of gradients T (V, 3, 3), for rows start…stop − 1.
+
+    The right-hand side of the reconstruction p = argmin Σ_i Σ_j c_ij ‖(p_i − p_j) − T_i (v_i −
+    v_j)‖² (Tan et al. 2018, section 3; Gao et al. 2019).
+    """
+    for i in range(start, stop):
+        bx = by = bz = 0.0
+        for k in range(indptr[i], indptr[i + 1]):
+            j = rings[k]
+            x = 0.5 * c[k] * (v[i, 0] - v[j, 0])
+            y = 0.5 * c[k] * (v[i, 1] - v[j, 1])
+            z = 0.5 * c[k] * (v[i, 2] - v[j, 2])
+            bx += (T[i, 0, 0] + T[j, 0, 0]) * x
+            bx += (T[i, 0, 1] + T[j, 0, 1]) * y
+            bx += (T[i, 0, 2] + T[j, 0, 2]) * z
+            by += (T[i, 1, 0] + T[j, 1, 0]) * x
+            by += (T[i, 1, 1] + T[j, 1, 1]) * y
+            by += (T[i, 1, 2] + T[j, 1, 2]) * z
+            bz += (T[i, 2, 0] + T[j, 2, 0]) * x
+            bz += (T[i, 2, 1] + T[j, 2, 1]) * y
+            bz += (T[i, 2, 2] + T[j, 2, 2]) * z
+        b[i, 0] = bx
+        b[i, 1] = by
+        b[i, 2] = bz
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def rhs_adjoint_(start, stop, indptr, rings, c, v, green, out):
+    """Coefficients a_i = Σ_j ½ c_ij (G_i − G_j)(v_i − v_j) with Σ_i G_i b_i(T) = Σ_i T_i a_i."""
+    for i in range(start, stop):
+        x = y = z = 0.0
+        for k in range(indptr[i], indptr[i + 1]):
+            j = rings[k]
+            w = 0.5 * c[k] * (green[i] - green[j])
+            x += w * (v[i, 0] - v[j, 0])
+            y += w * (v[i, 1] - v[j, 1])
+            z += w * (v[i, 2] - v[j, 2])
+        out[i, 0] = x
+        out[i, 1] = y
+        out[i, 2] = z
+
+
+def rhs_matrix(weights: sparse.csr_array, v: FloatArray) -> sparse.csr_array:
+    """Matrix D (V, 3V) with b(T) = D columns(T); row 3i + d of columns(T) is column d of T_i.
+
+    Args:
+        weights: (V, V) symmetric edge weights c_ij.
+        v: (V, 3) reference vertices.
+    """
+    V = len(v)
+    rows = np.repeat(np.arange(V), np.diff(weights.indptr))
+    # ½ c_ij (v_i − v_j) multiplies T_j, and their sum over the ring T_i.
+    edges = 0.5 * weights.data[:, None] * (v[rows] - v[weights.indices])
+    own = np.zeros((V, 3))
+    np.add.at(own, rows, edges)
+    data = np.concatenate([edges, own])
+    row = np.concatenate([rows, np.arange(V)])
+    column = np.concatenate([weights.indices, np.arange(V)])
+    return sparse.csr_array(
+        (data.ravel(), (np.repeat(row, 3), (3 * column[:, None] + np.arange(3)).ravel())),
+        shape=(V, 3 * V),
+    )

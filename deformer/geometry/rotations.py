@@ -251,6 +251,14 @@ def right_jacobian(r: ArrayLike) -> FloatArray:
     return out
 
 
+def closest_rotations(T: ArrayLike) -> FloatArray:
+    """Proper rotations R (..., 3, 3) that maximise tr(Rᵀ T): the rotation factors of T = R S."""
+    flat = np.ascontiguousarray(T, dtype=np.float64)
+    R = np.empty_like(flat)
+    _closest_rotation_batch(flat.reshape(-1, 3, 3), R.reshape(-1, 3, 3))
+    return R
+
+
 def polar(T: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Polar decomposition T = R S of matrices (..., 3, 3) (Tan et al. 2018, polar decomposition).
 
@@ -259,10 +267,8 @@ def polar(T: ArrayLike) -> tuple[FloatArray, FloatArray]:
         S = Rᵀ T (..., 3, 3). S is positive semi-definite where det T ≥ 0; a mirrored T has one
         negative stretch, its smallest.
     """
-    flat = np.ascontiguousarray(T, dtype=np.float64)
-    R = np.empty_like(flat)
-    _closest_rotation_batch(flat.reshape(-1, 3, 3), R.reshape(-1, 3, 3))
-    S = np.swapaxes(R, -1, -2) @ flat
+    R = closest_rotations(T)
+    S = np.swapaxes(R, -1, -2) @ np.asarray(T, dtype=np.float64)
     return R, 0.5 * (S + np.swapaxes(S, -1, -2))
 
 
@@ -288,9 +294,7 @@ def procrustes(
     covariance = (b - centre_b).T @ ((a - centre_a) * w[:, None])
     if not covariance.any():
         return np.eye(3), centre_b - centre_a
-    U, _, Vt = np.linalg.svd(covariance)
-    U[:, 2] *= np.sign(np.linalg.det(U) * np.linalg.det(Vt))
-    R = U @ Vt
+    R = closest_rotations(covariance)
     return R, centre_b - R @ centre_a
 
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+<<<<<<< HEAD
 from typing import TYPE_CHECKING
+=======
+from collections.abc import Callable
+>>>>>>> 9039f58 (One of each formula: T = exp(r) S and its derivative, b(T), farthest points, polar factor)
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from deformer.errors import InputError
 from deformer.geometry.mesh import FloatArray, IntArray
@@ -36,13 +40,7 @@ def farthest_points(
         chosen = [int(np.random.default_rng(seed).integers(V))]
     else:
         chosen = [int(i) for i in np.atleast_1d(np.asarray(start))][:count]
-    nearest = np.min([geodesics.row(i) for i in chosen], axis=0)
-    while len(chosen) < count:
-        taken = nearest.copy()
-        taken[chosen] = -1.0
-        chosen.append(int(taken.argmax()))
-        nearest = np.minimum(nearest, geodesics.row(chosen[-1]))
-    return np.array(chosen, dtype=np.int64)
+    return _farthest(geodesics.row, chosen, count)[0]
 
 
 def spread(points: FloatArray, count: int) -> IntArray:
@@ -50,9 +48,53 @@ def spread(points: FloatArray, count: int) -> IntArray:
 
     The first is the one nearest to the origin.
     """
-    chosen = [int(np.linalg.norm(points, axis=1).argmin())]
-    nearest = np.linalg.norm(points - points[chosen[0]], axis=1)
-    while len(chosen) < min(count, len(points)):
-        chosen.append(int(nearest.argmax()))
-        nearest = np.minimum(nearest, np.linalg.norm(points - points[chosen[-1]], axis=1))
-    return np.array(chosen, dtype=np.int64)
+    first = int(np.linalg.norm(points, axis=1).argmin())
+    count = min(count, len(points))
+    return _farthest(lambda i: np.linalg.norm(points - points[i], axis=1), [first], count)[0]
+
+
+def farthest_rows(points: NDArray, count: int) -> tuple[IntArray, IntArray]:
+    """Farthest points among the rows (N, d), straight-line, from the first row on.
+
+    Args:
+        points: (N, d) rows, of any floating dtype; distances are computed in it.
+        count: how many, at most N.
+
+    Returns:
+        Indices (count,) in order of choice; for every row (N,) which of the chosen, 0…count − 1,
+        is nearest.
+    """
+    # ‖x − y‖² = ‖x‖² − 2 x·y + ‖y‖²: one product with a vector.
+    centred = points - points.mean(axis=0)
+    squares = np.einsum("nd,nd->n", centred, centred)
+    return _farthest(lambda i: squares - 2.0 * (centred @ centred[i]) + squares[i], [0], count)
+
+
+def _farthest(
+    distances_from: Callable[[int], NDArray], first: list[int], count: int
+) -> tuple[IntArray, IntArray]:
+    """Continue the points `first` to `count`: each is the farthest from those before it.
+
+    Args:
+        distances_from: (N,) distances, or a growing function of them, from point i to all.
+        first: points to begin with.
+        count: how many in all, at most N.
+
+    Returns:
+        Indices (count,), all different where `first` are, and for every point (N,) which of them,
+        0…count − 1, is nearest.
+    """
+    chosen = list(first)
+    nearest = distances_from(chosen[0]).copy()
+    labels = np.zeros(len(nearest), dtype=np.int64)
+    for n in range(1, count):
+        if n == len(chosen):
+            # A chosen point is not chosen again, even where others are at no distance from it.
+            free = nearest.copy()
+            free[chosen] = -np.inf
+            chosen.append(int(free.argmax()))
+        distances = distances_from(chosen[n])
+        closer = distances < nearest
+        nearest[closer] = distances[closer]
+        labels[closer] = n
+    return np.array(chosen[:count], dtype=np.int64), labels

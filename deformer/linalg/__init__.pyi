@@ -9,12 +9,13 @@ from .sparse_cholesky import (
 )
 from .threads import (
     CORES as CORES,
-    begin as begin,
-    each as each,
-    finish as finish,
+    in_parallel as in_parallel,
     one_blas_thread as one_blas_thread,
     over_ranges as over_ranges,
     ranges as ranges,
+    run_calls as run_calls,
     scratch as scratch,
-    together as together,
+    split as split,
+    start_calls as start_calls,
+    wait_for as wait_for,
 )

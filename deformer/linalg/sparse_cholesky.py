@@ -20,7 +20,7 @@ from scipy.linalg.lapack import dpotrf, dtrtri
 
 from deformer.geometry import FloatArray, IntArray
 from deformer.linalg.nested_dissection import Dissection, dissect
-from deformer.linalg.threads import CORES, together
+from deformer.linalg.threads import CORES, run_calls
 
 # Parts below this many rows are not worth a thread of their own.
 _SMALLEST_PART = 8000
@@ -338,11 +338,11 @@ class SparseCholesky:
         last = len(self.plan.starts) - 1
         tails = np.zeros((len(tasks) - 1, n - begin, x.shape[1]), dtype=x.dtype)
         ranges = list(pairwise(tasks.tolist()))
-        together(
+        run_calls(
             forward,
             [(*r, begin, *self._nodes, *lower, x, t) for r, t in zip(ranges, tails, strict=True)],
         )
         x[begin:] += tails.sum(axis=0)
         forward(tasks[-1], last, n, *self._nodes, *lower, x, tails[0])
         backward(tasks[-1], last, *self._nodes, *upper, x)
-        together(backward, [(*r, *self._nodes, *upper, x) for r in ranges])
+        run_calls(backward, [(*r, *self._nodes, *upper, x) for r in ranges])

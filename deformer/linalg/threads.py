@@ -15,19 +15,44 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
 from itertools import pairwise
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
 _ALLOWED = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set()
-CORES = len(_ALLOWED) or os.cpu_count() or 1
+
+
+def usable_cores() -> int:
+    """Cores that this process may use: of its affinity mask, its cgroup and the environment.
+
+    OMP_NUM_THREADS and NUMBA_NUM_THREADS bound the number, as they do for others' threads.
+    """
+    limits = [len(_ALLOWED) or os.cpu_count() or 1]
+    for name in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        value = os.environ.get(name, "")
+        if value.isdigit() and int(value) > 0:
+            limits.append(int(value))
+    try:
+        quota, period = Path("/sys/fs/cgroup/cpu.max").read_text().split()
+        limits.append(max(1, math.ceil(int(quota) / int(period))))
+    except (OSError, ValueError):
+        # No such file, or the quota is the word "max": no limit.
+        pass
+    return min(limits)
+
+
+CORES = usable_cores()
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
 # Below this many vertices a thread costs more (about 50 µs) than it saves.
 _SMALLEST_SHARE = 2000
 
 
-# Whether this thread is one of several that `each` has started.
+# `alone` is set on threads of `in_parallel`, on which kernels do not start threads of their own.
 _thread = threading.local()
 
 
@@ -44,7 +69,7 @@ def scratch(name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
     return kept[:size].reshape(shape)
 
 
-class _Elsewhere:
+class _WorkerMask:
     """Keeps worker threads off the core of the thread that wakes them.
 
     Linux on a virtual machine takes halted cores for busy ones, and runs a woken thread on the
@@ -58,12 +83,12 @@ class _Elsewhere:
         libc = ctypes.CDLL(None) if len(_ALLOWED) > 1 else None
         self._current: Callable[[], int] | None = getattr(libc, "sched_getcpu", None)
 
-    def enter(self) -> None:
+    def add_worker(self) -> None:
         """Called by every worker as it starts."""
         self._workers.append(threading.get_native_id())
         self._core = -1
 
-    def __call__(self) -> None:
+    def exclude_current_core(self) -> None:
         """Called before workers are woken."""
         core = self._current() if self._current else -1
         if core != self._core:
@@ -73,8 +98,8 @@ class _Elsewhere:
 
 
 @cache
-def _elsewhere() -> _Elsewhere:
-    return _Elsewhere()
+def _worker_mask() -> _WorkerMask:
+    return _WorkerMask()
 
 
 @cache
@@ -83,7 +108,7 @@ def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(
         max_workers=max(1, CORES - 1),
         thread_name_prefix="deformer",
-        initializer=_elsewhere().enter,
+        initializer=_worker_mask().add_worker,
     )
 
 
@@ -91,44 +116,50 @@ def _pool() -> ThreadPoolExecutor:
 def _outer_pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(
         max_workers=CORES,
-        thread_name_prefix="deformer-each",
+        thread_name_prefix="deformer-parallel",
         initializer=lambda: setattr(_thread, "alone", True),
     )
 
 
-def each(function: Callable[[range], None], count: int) -> None:
-    """Call function(part) for ranges that cover 0…count, on all cores.
+def in_parallel(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
+    """Call function(item) for all items, on all cores, and yield the results in order.
 
-    Unlike a kernel the function may use the kernels itself: within it they run on one thread.
+    Unlike a kernel the function may use the kernels itself: within it they run on one thread,
+    unless there is one item only.
     """
-    if count == 1:
-        function(range(1))
-        return
+    if len(items) == 1:
+        yield function(items[0])
+    else:
+        yield from _outer_pool().map(function, items)
+
+
+def split(count: int) -> list[range]:
+    """Ranges that cover 0…count, one a core and none empty."""
     parts = max(1, min(CORES, count))
     bounds = [count * part // parts for part in range(parts + 1)]
-    list(_outer_pool().map(function, [range(a, b) for a, b in pairwise(bounds)]))
+    return [range(a, b) for a, b in pairwise(bounds)]
 
 
-def together(kernel: Callable[..., None], calls: Sequence[tuple]) -> None:
+def run_calls(kernel: Callable[..., None], calls: Sequence[tuple]) -> None:
     """Call kernel(*arguments) for all `calls` at once, and wait for them."""
-    futures = begin(kernel, calls[1:])
+    futures = start_calls(kernel, calls[1:])
     kernel(*calls[0])
-    finish(futures)
+    wait_for(futures)
 
 
-def begin(kernel: Callable[..., None], calls: Sequence[tuple]) -> list[Future[None]]:
-    """Call kernel(*arguments) for all `calls` while the caller goes on."""
+def start_calls(kernel: Callable[..., None], calls: Sequence[tuple]) -> list[Future[None]]:
+    """Call kernel(*arguments) for all `calls` while the caller goes on; `wait_for` the futures."""
     if getattr(_thread, "alone", False):
         for arguments in calls:
             kernel(*arguments)
         return []
     if calls:
-        _elsewhere()()
+        _worker_mask().exclude_current_core()
     return [_pool().submit(kernel, *arguments) for arguments in calls]
 
 
-def finish(futures: Sequence[Future[None]]) -> None:
-    """Wait for what `begin` has begun."""
+def wait_for(futures: Sequence[Future[None]]) -> None:
+    """Wait until all futures are done; what one of them raised is raised here."""
     for future in futures:
         future.result()
 
@@ -147,11 +178,11 @@ def over_ranges(
 
     Args:
         kernel: of ranges that do not depend on each other.
-        count: what there is.
-        arguments: the same for all.
-        share: a range is not shorter than this, unless it is the only one.
+        count: length of what the ranges cover.
+        arguments: the same for all ranges.
+        share: the least length of a range, unless it is the only one.
     """
-    together(kernel, [(*piece, *arguments) for piece in ranges(count, share)])
+    run_calls(kernel, [(*piece, *arguments) for piece in ranges(count, share)])
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from deformer.geometry import FloatArray, MeshSequence, edges, polar
+from deformer.geometry import FloatArray, MeshSequence, closest_rotations, edges
 from deformer.linalg import SparseCholesky
 
 # Fewer shapes do not tell what they have in common.
@@ -131,7 +131,7 @@ class _Smoother:
         spread -= np.einsum("va,vb->vab", b, self._near @ a)
         spread -= np.einsum("va,vb->vab", self._near @ b, a)
         wide = spread + (self._near @ spread.reshape(-1, 9)).reshape(-1, 3, 3)
-        return polar(wide)[0]
+        return closest_rotations(wide)
 
 
 def _blocks(shapes: FloatArray) -> Iterator[FloatArray]:

@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import expm, expm_frechet
 
+from angles import NEAR, features_near
 from deformer.acap.features import FeatureExtractor, features_to_gradients
 from deformer.acap.jacobians import (
     gradient_tangents,
@@ -93,3 +95,30 @@ def test_tangents_and_sensitivities_are_two_ways_to_one_number():
     one = np.einsum("hdif,mif->mhd", position_sensitivities(q, coefficients), dq)
     other = np.einsum("miab,hib->mha", gradient_tangents(q, dq), coefficients)
     np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+
+
+def matrix_exponentials(q):
+    """exp(r), [·]× of r and S of features, by a formula for any matrix."""
+    crosses = np.cross(np.eye(3)[None, :, :], q[:, None, :3]).transpose(0, 2, 1) * -1.0
+    S = q[:, 3:][:, [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+    return crosses, S
+
+
+@NEAR
+def test_gradients_and_their_derivative_by_matrix_exponentials(near):
+    """The formulas that all other versions of T = exp(r) S are held against."""
+    q = features_near(near)
+    crosses, S = matrix_exponentials(q)
+    T = np.stack([expm(c) @ s for c, s in zip(crosses, S, strict=True)])
+    np.testing.assert_allclose(features_to_gradients(q), T, atol=1e-12)
+    units, unit_S = matrix_exponentials(np.eye(9))
+    for m in range(9):
+        dq = np.zeros((1, *q.shape))
+        dq[0, :, m] = 1.0
+        expected = np.stack(
+            [
+                expm_frechet(c, units[m], compute_expm=False) @ s + expm(c) @ unit_S[m]
+                for c, s in zip(crosses, S, strict=True)
+            ]
+        )
+        np.testing.assert_allclose(gradient_tangents(q, dq)[0], expected, atol=1e-9)
