@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-<<<<<<< HEAD
-from typing import TYPE_CHECKING
-=======
 from collections.abc import Callable
->>>>>>> 9039f58 (One of each formula: T = exp(r) S and its derivative, b(T), farthest points, polar factor)
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -64,10 +61,12 @@ def farthest_rows(points: NDArray, count: int) -> tuple[IntArray, IntArray]:
         Indices (count,) in order of choice; for every row (N,) which of the chosen, 0…count − 1,
         is nearest.
     """
-    # ‖x − y‖² = ‖x‖² − 2 x·y + ‖y‖²: one product with a vector.
-    centred = points - points.mean(axis=0)
-    squares = np.einsum("nd,nd->n", centred, centred)
-    return _farthest(lambda i: squares - 2.0 * (centred @ centred[i]) + squares[i], [0], count)
+
+    def squares_from(i: int) -> NDArray:
+        difference = points - points[i]
+        return np.einsum("nd,nd->n", difference, difference)
+
+    return _farthest(squares_from, [0], count)
 
 
 def _farthest(
@@ -87,14 +86,14 @@ def _farthest(
     chosen = list(first)
     nearest = distances_from(chosen[0]).copy()
     labels = np.zeros(len(nearest), dtype=np.int64)
-    for n in range(1, count):
+    for n in range(count):
         if n == len(chosen):
-            # A chosen point is not chosen again, even where others are at no distance from it.
-            free = nearest.copy()
-            free[chosen] = -np.inf
-            chosen.append(int(free.argmax()))
-        distances = distances_from(chosen[n])
-        closer = distances < nearest
-        nearest[closer] = distances[closer]
-        labels[closer] = n
+            chosen.append(int(nearest.argmax()))
+        if n > 0:
+            distances = distances_from(chosen[n])
+            closer = distances < nearest
+            nearest[closer] = distances[closer]
+            labels[closer] = n
+        # A chosen point is not chosen again, even where others are at no distance from it.
+        nearest[chosen[n]], labels[chosen[n]] = -np.inf, n
     return np.array(chosen[:count], dtype=np.int64), labels
