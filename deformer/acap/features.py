@@ -27,7 +27,7 @@ from deformer.geometry import (
     connected_components,
     cotan_weights,
     exp_,
-    laplacian,
+    graph_laplacian,
     log_to_rotation,
     one_rings,
     rhs_matrix,
@@ -193,7 +193,7 @@ class FeatureExtractor:
         self._ridge = np.where(smallest > 1e-6 * scale, self._ridge, 1e-3 * scale)
         M += self._ridge[:, None, None] * np.eye(3)
         self._inverse = np.linalg.inv(M)
-        self._laplacian = laplacian(self.weights)
+        self._laplacian = graph_laplacian(self.weights)
         self._rhs_matrix = rhs_matrix(self.weights, v)
         gram = self._rhs_matrix @ self._rhs_matrix.T
         # Constants are in the null space (b sums to zero): a tiny ridge makes it definite.

@@ -17,7 +17,7 @@ from deformer.geometry import (
     MeshSequence,
     connected_components,
     cotan_weights,
-    laplacian,
+    graph_laplacian,
     rhs_,
     rhs_adjoint_,
 )
@@ -80,7 +80,7 @@ class PoissonSystem:
         self.indptr = weights.indptr.astype(np.int64)
         self.rings = weights.indices.astype(np.int64)
         self.c = weights.data
-        self.laplacian = laplacian(weights)
+        self.laplacian = graph_laplacian(weights)
         # Fixing the anchor softly keeps all V rows; since every b sums to zero the solution does
         # not feel the value of the stiffness, only its scale must fit L's.
         self.anchor = 0

@@ -3,7 +3,7 @@ from .geodesics import (
 )
 from .laplacian import (
     cotan_weights as cotan_weights,
-    laplacian as laplacian,
+    graph_laplacian as graph_laplacian,
     rhs_ as rhs_,
     rhs_adjoint_ as rhs_adjoint_,
     rhs_matrix as rhs_matrix,

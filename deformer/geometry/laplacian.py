@@ -61,7 +61,7 @@ def cotan_weights(mesh: Mesh) -> sparse.csr_array:
     return weights
 
 
-def laplacian(weights: sparse.csr_array) -> sparse.csr_array:
+def graph_laplacian(weights: sparse.csr_array) -> sparse.csr_array:
     """Laplacian L = diag(Σ_j c_ij) − C (V, V) of symmetric edge weights C (V, V)."""
     degree = np.asarray(weights.sum(axis=1)).ravel()
     return sparse.csr_array(sparse.diags_array(degree) - weights)
