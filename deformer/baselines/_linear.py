@@ -58,7 +58,7 @@ class LinearMethod(ABC):
         self._shapes, self._seed = shapes, seed
         self._basis = self.learn(shapes.vertices, shapes.mesh(0), components, seed)
         self._regression: HandleRegression | None = None
-        self._left_out: list[HandleRegression] = []
+        self._folds: list[HandleRegression] = []
         self._penalties: dict[tuple[int, ...], Penalty] = {}
         return self
 
@@ -101,17 +101,17 @@ class LinearMethod(ABC):
         """What is charged with these handle vertices (H,); chosen once for each set of them."""
         key = tuple(handles.tolist())
         if key not in self._penalties:
-            if not self._left_out:
-                self._left_out = self._leave_out()
-            self._penalties[key] = choose_penalty(self._left_out, handles)
+            if not self._folds:
+                self._folds = self._make_folds()
+            self._penalties[key] = choose_penalty(self._folds, handles)
         return self._penalties[key]
 
-    def _leave_out(self) -> list[HandleRegression]:
+    def _make_folds(self) -> list[HandleRegression]:
         V, reference = self._shapes.vertices, self._shapes.mesh(0)
         group = np.arange(len(V)) % min(_GROUPS, len(V))
         regressions = []
         for g in range(group.max() + 1):
-            kept, left = V[group != g], V[group == g]
-            basis = self.learn(kept, reference, len(self.basis.components), self._seed)
-            regressions.append(HandleRegression(basis, kept, left))
+            training, held_out = V[group != g], V[group == g]
+            basis = self.learn(training, reference, len(self.basis.components), self._seed)
+            regressions.append(HandleRegression(basis, training, held_out))
         return regressions

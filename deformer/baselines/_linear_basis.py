@@ -130,11 +130,11 @@ class HandleRegression:
         return float((difference**2).sum()), difference @ C.T, C @ C.T
 
 
-def choose_penalty(left_out: list[HandleRegression], handles: IntArray) -> Penalty:
+def choose_penalty(folds: list[HandleRegression], handles: IntArray) -> Penalty:
     """The penalty with the least error over the unseen shapes of all regressions together."""
     best, lowest = None, np.inf
-    for shrinkage, seam in left_out[0].penalties():
-        errors = np.sum([fold.errors(handles, shrinkage, seam) for fold in left_out], axis=0)
+    for shrinkage, seam in folds[0].penalties():
+        errors = np.sum([fold.errors(handles, shrinkage, seam) for fold in folds], axis=0)
         first = int(errors.argmin())
         if best is None or errors[first] < lowest:
             best, lowest = Penalty(shrinkage, seam, float(_RIDGES[first])), errors[first]

@@ -137,12 +137,11 @@ class _TrainedMethod:
             if offers_codes(self.training.method):
                 parts[f"{name}/encoder"] = self._example_encoder
         else:
-            errors = (
-                self._reconstruction if measurement.kind == "reconstruction" else self._rotation
-            )
+            rotation = measurement.kind == "rotation"
+            errors_of = self._rotation if rotation else self._reconstruction
             parts = {
-                f"{name}/encoder": lambda: errors(self._encoded),
-                f"{name}/fit": lambda: errors(self._fitted),
+                f"{name}/encoder": lambda: errors_of(self._encoded),
+                f"{name}/fit": lambda: errors_of(self._fitted),
             }
         rows: list[Row] = []
         for protocol, measure in parts.items():

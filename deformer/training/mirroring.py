@@ -17,12 +17,12 @@ from deformer.geometry import FloatArray, IntArray, Mesh, MeshSequence, Symmetry
 
 # Shapes mirrored at once: bounded memory.
 _BATCH = 40
-# Shapes that are looked at for the most symmetric one, evenly spread.
-_LOOKED_AT = 16
-# Examples, evenly spread, that mirror images are tried on; how much of what the other examples
-# leave of them has to vanish; and the ridge of that trial, as a share of the mean squared length.
-_TRIED = 64
-_GAIN = 0.1
+# Evenly spread shapes among which the most symmetric one is sought.
+_SYMMETRY_CANDIDATES = 16
+# Evenly spread examples on which mirror images are tried; by which share their images must lower
+# the residual of ridge regression; and its ridge, as a share of the mean squared length.
+_TRIAL_EXAMPLES = 64
+_LEAST_GAIN = 0.1
 _RIDGE = 0.01
 
 
@@ -41,7 +41,8 @@ def mirror_images(shapes: MeshSequence) -> tuple[FloatArray, Symmetry]:
         The images, and the symmetry of s.
     """
     V = shapes.vertices
-    planes = [(find_symmetry(shapes.mesh(n)), n) for n in _spread(len(V), _LOOKED_AT)]
+    candidates = _evenly_spread(len(V), _SYMMETRY_CANDIDATES)
+    planes = [(find_symmetry(shapes.mesh(n)), n) for n in candidates]
     # Of shapes that are as symmetric, the first, whatever the rounding.
     limit = 1.01 * min(plane.error for plane, _ in planes) + 1e-6
     plane, n = next(entry for entry in planes if entry[0].error <= limit)
@@ -50,9 +51,9 @@ def mirror_images(shapes: MeshSequence) -> tuple[FloatArray, Symmetry]:
     extractor, poisson = FeatureExtractor(rest), PoissonSystem(rest)
     images = np.empty_like(V)
     for start in range(0, len(V), _BATCH):
-        some = slice(start, start + _BATCH)
-        there = np.array([opposite @ q for q in extract_all(extractor, V[some])])
-        images[some] = poisson.reconstruct(reflected(there, plane.normal))
+        batch = slice(start, start + _BATCH)
+        opposite_q = np.array([opposite @ q for q in extract_all(extractor, V[batch])])
+        images[batch] = poisson.reconstruct(reflected(opposite_q, plane.normal))
     images += (plane.mirror(V.mean(axis=1)) - images.mean(axis=1))[:, None]
     return images, plane
 
@@ -74,27 +75,28 @@ def reflected(q: FloatArray, normal: FloatArray) -> FloatArray:
 
 
 def images_explain(x: FloatArray, images: FloatArray) -> bool:
-    """Whether mirror images say something about examples that the other examples do not.
+    """True if mirror images explain examples better than the other examples alone.
 
     Each example is rebuilt by ridge regression from all others, and from those and their images;
     its own image counts as itself. Images of a body that has no symmetry, or whose motion has none,
-    are of no more use than noise: what is left does not shrink.
+    are of no more use than noise: the residual does not shrink.
 
     Args:
-        x, images: (N, V, 9) scaled features.
+        x: (N, V, 9) scaled features of the examples.
+        images: (N, V, 9) scaled features of their mirror images.
     """
-    some = _spread(len(x), _TRIED)
-    plain, mirrored = (a[some].reshape(len(some), -1) for a in (x, images))
-    own = np.arange(len(some))
-    left = _unexplained(plain, plain, own)
-    both = _unexplained(plain, np.concatenate([plain, mirrored]), np.concatenate([own, own]))
-    return bool(both < (1.0 - _GAIN) * left)
+    indices = _evenly_spread(len(x), _TRIAL_EXAMPLES)
+    plain, mirrored = (a[indices].reshape(len(indices), -1) for a in (x, images))
+    own = np.arange(len(indices))
+    without = _residual(plain, plain, own)
+    both = _residual(plain, np.concatenate([plain, mirrored]), np.concatenate([own, own]))
+    return bool(both < (1.0 - _LEAST_GAIN) * without)
 
 
-def _unexplained(x: FloatArray, basis: FloatArray, own: IntArray) -> float:
-    """Squared length that is left of all x (n, m) by the rows of a basis (b, m) of others.
+def _residual(x: FloatArray, basis: FloatArray, own: IntArray) -> float:
+    """Squared residual of all x (n, m) after ridge regression on the rows of a basis (b, m).
 
-    Row r of the basis belongs to example own[r], for which it does not count.
+    Row r of the basis belongs to example own[r], whose own regression leaves it out.
     """
     G, g, squares = basis @ basis.T, x @ basis.T, (x**2).sum(axis=1)
     total = 0.0
@@ -112,9 +114,9 @@ def _unexplained(x: FloatArray, basis: FloatArray, own: IntArray) -> float:
     return total
 
 
-def _spread(count: int, wanted: int) -> list[int]:
-    """Indices of at most so many of `count` entries, evenly spread."""
-    return np.unique(np.linspace(0, count - 1, wanted).round().astype(int)).tolist()
+def _evenly_spread(count: int, most: int) -> list[int]:
+    """At most `most` of the indices below `count`, evenly spread."""
+    return np.unique(np.linspace(0, count - 1, most).round().astype(int)).tolist()
 
 
 def _opposite_points(mesh: Mesh, plane: Symmetry) -> sparse.csr_array:
