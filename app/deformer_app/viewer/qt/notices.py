@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, cast
 
-from PySide6.QtCore import QEvent, QObject
+from PySide6.QtCore import QEvent, QObject, Qt
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QVBoxLayout, QWidget
 
 from deformer_app.rendering.palette import NOTICE, NOTICE_INK
@@ -29,6 +29,8 @@ class Strip(QWidget):
         super().__init__()
         self._label = QLabel()
         self._label.setWordWrap(True)
+        # A subclass of QWidget paints its style sheet's background only if it is told to.
+        self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
         self.setStyleSheet(f"background: {NOTICE[kind]}; color: {NOTICE_INK};")
         self.row = QHBoxLayout(self)
         self.row.addWidget(self._label, 1)
