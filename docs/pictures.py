@@ -17,7 +17,7 @@ from deformer_app.cli import demo
 from deformer_app.rendering.camera import aim
 from deformer_app.rendering.offscreen import HandleGlyphs, contact_sheet, render
 from deformer_app.rendering.sheets import save_sheet
-from deformer_app.viewer.session import NOISE
+from deformer_app.viewer.edit import NOISE
 
 COLUMNS, ROWS = 61, 41  # vertices of the flag
 # Where its lower and upper free corners and the middle between them are pulled to, in metres.

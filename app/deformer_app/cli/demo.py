@@ -17,7 +17,7 @@ from deformer_app import console
 from deformer_app.rendering.animation import save_animation
 from deformer_app.rendering.camera import aim, eased, upright_axes
 from deformer_app.rendering.offscreen import HandleGlyphs, contact_sheet, render, save_picture
-from deformer_app.viewer.session import NOISE
+from deformer_app.viewer.edit import NOISE
 
 if TYPE_CHECKING:
     from deformer import DeformationModel

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import deformer
 from deformer import Activations, DeformationModel
-from deformer_app.viewer import edits
+from deformer_app.viewer import handle_changes
 from deformer_app.viewer.changes import (
     Change,
     HandlesChanged,
@@ -29,6 +29,7 @@ from deformer_app.viewer.changes import (
 )
 from deformer_app.viewer.colouring import component_paint
 from deformer_app.viewer.controller import Controller
+from deformer_app.viewer.edit import Body, Edit, Handle, Kind, point
 from deformer_app.viewer.gizmo import Motion
 from deformer_app.viewer.mirror_plane import MirrorPlane
 from deformer_app.viewer.model_files import start_codes, stored_name
@@ -36,7 +37,7 @@ from deformer_app.viewer.mouse_stage import MouseStage
 from deformer_app.viewer.pose_display import PoseDisplay
 from deformer_app.viewer.pose_worker import Answer
 from deformer_app.viewer.scene import MeshView
-from deformer_app.viewer.session import Body, Edit, Entry, Handle, Kind, ModelName, Session, point
+from deformer_app.viewer.session import Entry, ModelName, Session
 from deformer_app.viewer.target import Target, load_alike
 from deformer_app.viewer.view_state import ViewState
 from deformer_app.viewer.worker import Jobs, in_background
@@ -278,7 +279,7 @@ class Editor:
     def add_region(self, vertices: Sequence[int], add: bool = False) -> None:
         """Make one handle of a region of vertices and select it, as a step of the history."""
         number = self.session.next_id()
-        handle = edits.region_handle(number, vertices, self.model.reference, self.vertices)
+        handle = handle_changes.region_handle(number, vertices, self.model.reference, self.vertices)
         self.session.change(self.edit.with_handles([handle]))
         self.select([number], add=add)
         self.commit("Paint region")
@@ -365,7 +366,7 @@ class Editor:
         """Make the selected handles soft, exact or pins."""
         handles = self.state.selection(self.edit.handles)
         if handles:
-            changed = edits.with_kind(handles, kind, self.vertices)
+            changed = handle_changes.with_kind(handles, kind, self.vertices)
             self.change(f"Make {kind}", self.edit.with_handles(changed))
         else:
             self.note(_SELECT)
@@ -380,7 +381,7 @@ class Editor:
         """Move the selected handles so that their common centre is at a point (3,)."""
         handles = self.state.movable(self.edit.handles)
         if handles:
-            self.change("Move", self.edit.with_handles(edits.centred_at(handles, centre)))
+            self.change("Move", self.edit.with_handles(handle_changes.centred_at(handles, centre)))
 
     def select_all(self) -> None:
         """Select every handle."""
@@ -408,7 +409,7 @@ class Editor:
         """Copy the selected handles, or all, to the other side; what is there already moves."""
         sources = self.state.selection(self.edit.handles) or self.edit.handles
         number = self.session.next_id()
-        changed = edits.mirrored(self.edit, sources, self.plane.symmetry, number)
+        changed = handle_changes.mirrored(self.edit, sources, self.plane.symmetry, number)
         if changed:
             self.change("Mirror", self.edit.with_handles(changed))
             self.select([h.id for h in changed], add=True)

@@ -18,9 +18,10 @@ from deformer_app.viewer.changes import (
     MistakeMade,
     PoseChanged,
 )
+from deformer_app.viewer.edit import Solution
 from deformer_app.viewer.pose_stream import PoseStream
 from deformer_app.viewer.pose_worker import Answer, Request
-from deformer_app.viewer.session import Session, Solution
+from deformer_app.viewer.session import Session
 from deformer_app.viewer.view_state import ViewState
 from deformer_app.viewer.worker import Jobs, in_background
 

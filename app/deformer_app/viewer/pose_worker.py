@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 import deformer
 from deformer import DeformationModel, HandleSolver, Pose
 from deformer_app.viewer.colouring import Colouring, Paint
-from deformer_app.viewer.session import Edit, Handle, Session, Solution, point
+from deformer_app.viewer.edit import Edit, Handle, Solution, point
+from deformer_app.viewer.session import Session
 
 # Improved poses of one request, at most: while the mouse does not move, and after its release.
 _FRAMES = 12

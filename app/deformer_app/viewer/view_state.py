@@ -22,11 +22,11 @@ from deformer_app.viewer.changes import (
     LookChanged,
 )
 from deformer_app.viewer.colouring import Paint
+from deformer_app.viewer.edit import Handle, point
 from deformer_app.viewer.events import Pixel
 from deformer_app.viewer.gizmo import Gizmo, Mode
 from deformer_app.viewer.overlays import HandleDots
 from deformer_app.viewer.scene import MeshView
-from deformer_app.viewer.session import Handle, point
 from deformer_app.viewer.stage import Hover, Tool
 from deformer_app.viewer.target import Target
 

@@ -335,7 +335,8 @@ def test_numbers_that_json_cannot_hold_become_null(capsys):
 
 @pytest.fixture
 def session_path(model_path, tmp_path):
-    from deformer_app.viewer.session import Handle, ModelName, Session
+    from deformer_app.viewer.edit import Handle
+    from deformer_app.viewer.session import ModelName, Session
 
     model = deformer.load_model(model_path)
     session = Session.begin(ModelName(str(model_path), model.fingerprint), model.codes[0])

@@ -19,6 +19,7 @@ from deformer_app.rendering.animation import save_animation
 from deformer_app.rendering.offscreen import off_screen
 from deformer_app.viewer import recording
 from deformer_app.viewer.changes import FrameDrawn, MistakeMade, NoticeGiven
+from deformer_app.viewer.edit import Handle
 from deformer_app.viewer.editor import Editor
 from deformer_app.viewer.exports import export_handles, export_pose, save_screenshot
 from deformer_app.viewer.gizmo import rotation
@@ -26,7 +27,7 @@ from deformer_app.viewer.model_files import start_codes
 from deformer_app.viewer.pose_worker import PoseWorker, replay
 from deformer_app.viewer.recording import Recorder, save_turntable
 from deformer_app.viewer.scene import MeshView
-from deformer_app.viewer.session import Handle, Session
+from deformer_app.viewer.session import Session
 from deformer_app.viewer.settings import Settings
 from deformer_app.viewer.stage import Hover
 from deformer_app.viewer.vtk_input import listen

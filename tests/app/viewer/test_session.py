@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from deformer import InputError
+from deformer_app.viewer.edit import Edit, Handle, Solution
 from deformer_app.viewer.gizmo import translation
-from deformer_app.viewer.session import Edit, Handle, ModelName, Session, Solution
+from deformer_app.viewer.session import ModelName, Session
 
 BASE = (0.1, -0.2, 1 / 3)
 NAME = ModelName("somewhere/model", "ab" * 32)

@@ -22,9 +22,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from deformer_app.viewer.edit import KINDS, Handle, Kind
 from deformer_app.viewer.editor import Editor
 from deformer_app.viewer.qt.slider import Slider, geometric, geometric_position
-from deformer_app.viewer.session import KINDS, Handle, Kind
 
 _WEIGHTS = (0.05, 50.0)
 

@@ -16,10 +16,10 @@ from PySide6.QtWidgets import (
 
 from deformer_app.rendering.palette import BAD, FAIR, GOOD
 from deformer_app.viewer.colouring import COLOURINGS
+from deformer_app.viewer.edit import BODIES, NOISE, Body
 from deformer_app.viewer.editor import Editor
 from deformer_app.viewer.model_files import start_codes
 from deformer_app.viewer.qt.slider import Slider, geometric, geometric_position
-from deformer_app.viewer.session import BODIES, NOISE, Body
 
 _STRENGTHS = (0.1, 10.0)  # of the prior, in multiples of the default noise, from loose to firm
 _BODY = {"auto": "Automatic", "stays": "Stays in place", "moves": "Free to move"}

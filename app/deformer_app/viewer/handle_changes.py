@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deformer import Mesh, Symmetry, spread
-from deformer_app.viewer.session import Edit, Handle, Kind, point
+from deformer_app.viewer.edit import Edit, Handle, Kind, point
 
 _REGION_TARGETS = 8  # vertices of a painted region that have targets
 

@@ -1,0 +1,128 @@
+"""What decides a pose: the handles and the prior's mean, as immutable values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+Point = tuple[float, float, float]
+Kind = Literal["soft", "exact", "pin"]
+KINDS: tuple[Kind, ...] = ("soft", "exact", "pin")
+Body = Literal["auto", "stays", "moves"]
+BODIES: tuple[Body, ...] = ("auto", "stays", "moves")
+
+NOISE = 0.007  # in bounding diagonals: a hand is less precise than a marker, the prior may resist
+# Freedom of the rigid motion of a body that stays where it is; see HandleSolver.
+_STAYS = 0.01
+# So many handles fix a body in space; with fewer a drag would carry it along as a whole.
+_FIXING = 3
+
+
+@dataclass(frozen=True)
+class Handle:
+    """What the user drags: a vertex, or a painted region by a few vertices of it.
+
+    Args:
+        id: number that no other handle of the session has.
+        vertices: the vertices that have targets; one, unless it is a region.
+        targets: a point for each of them.
+        kind: "soft" (close to its target), "exact" (on it) or "pin" (on it, and drags leave it).
+        weight: of a soft handle.
+        patch: all vertices of a region; empty otherwise.
+    """
+
+    id: int
+    vertices: tuple[int, ...]
+    targets: tuple[Point, ...]
+    kind: Kind = "soft"
+    weight: float = 1.0
+    patch: tuple[int, ...] = ()
+
+    @property
+    def centre(self) -> Point:
+        """Mean (3,) of the targets."""
+        return point(np.mean(self.targets, axis=0))
+
+    @property
+    def is_region(self) -> bool:
+        """True for a painted region."""
+        return bool(self.patch)
+
+    def moved(self, motion: Callable[[ArrayLike], Any]) -> Handle:
+        """Return the handle with its targets moved."""
+        return replace(self, targets=tuple(point(p) for p in motion(np.array(self.targets))))
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What the solver has found: enough to show the same pose again, see HandleSolver.resume.
+
+    Args:
+        z: (K,) latent code.
+        rotation: (3,) rotation vector of the rigid motion, in radians.
+        translation: (3,) of the rigid motion.
+    """
+
+    z: tuple[float, ...]
+    rotation: Point
+    translation: Point
+
+
+@dataclass(frozen=True)
+class Edit:
+    """All that decides a pose.
+
+    Args:
+        base: (K,) latent code that is the prior's mean: the pose without handles.
+        handles: what the user drags.
+        noise: expected distance of handles from their targets, in bounding diagonals; small ones
+            follow the handles, large ones the prior. See HandleSolver.
+        body: whether the body may turn and travel as a whole: "moves", "stays", or "auto", which
+            lets it once three handles fix it in space.
+    """
+
+    base: tuple[float, ...]
+    handles: tuple[Handle, ...] = ()
+    noise: float = NOISE
+    body: Body = "auto"
+
+    @property
+    def freedom(self) -> float:
+        """Freedom of the rigid motion, see HandleSolver."""
+        free = len(self.handles) >= _FIXING if self.body == "auto" else self.body == "moves"
+        return 1.0 if free else _STAYS
+
+    def handle(self, number: int) -> Handle:
+        """Return the handle with an id."""
+        return next(handle for handle in self.handles if handle.id == number)
+
+    def with_handles(self, changed: Iterable[Handle]) -> Edit:
+        """Return the edit with handles replaced by their ids; those with new ids come last."""
+        new = {handle.id: handle for handle in changed}
+        kept = [new.pop(handle.id, handle) for handle in self.handles]
+        return replace(self, handles=(*kept, *new.values()))
+
+    def without(self, ids: Iterable[int]) -> Edit:
+        """Return the edit without some handles."""
+        gone = set(ids)
+        return replace(self, handles=tuple(h for h in self.handles if h.id not in gone))
+
+    def arrays(self) -> tuple[list[int], list[Point], list[float], list[bool]]:
+        """Return what HandleSolver.set_handles needs: vertices, targets, weights, hardness."""
+        rows = [
+            (vertex, target, handle.weight if handle.kind == "soft" else 1.0, handle.kind != "soft")
+            for handle in self.handles
+            for vertex, target in zip(handle.vertices, handle.targets, strict=True)
+        ]
+        vertices, targets, weights, hard = map(list, zip(*rows, strict=True)) if rows else ([],) * 4
+        return vertices, targets, weights, hard
+
+
+def point(values: Any) -> Point:
+    """Return three numbers as a tuple of floats."""
+    x, y, z = (float(value) for value in values)
+    return (x, y, z)
