@@ -1,10 +1,10 @@
-"""Noise of measured shapes: told from their detail, and taken off before anything is learned.
+"""Noise of measured shapes: separated from their detail, and removed before training.
 
-Features are read from one-rings, where noise of a tenth of an edge already turns and stretches
-everything. A shape is taken as p_n = s_n + R_n d + noise: s_n smooth, d the fine detail, which all
-shapes have in common once it is turned along with the surface, R_n. Smoothing takes noise off s_n;
-the mean over all shapes takes it off d. How far to smooth is chosen by how well a vertex is
-foretold by its neighbours and by the detail of the other shapes.
+Features are read from one-rings, where noise of a tenth of an edge already rotates and stretches
+everything. The model of a shape is p_n = s_n + R_n d + noise: s_n smooth, d the fine detail, which
+all shapes share once it is rotated with the surface by R_n. Smoothing removes noise from s_n; the
+mean over all shapes removes it from d. The strength of smoothing is the one with which a vertex's
+neighbours and the detail of the other shapes predict the vertex best.
 """
 
 from __future__ import annotations
@@ -18,42 +18,51 @@ from scipy import sparse
 from deformer.geometry import FloatArray, MeshSequence, closest_rotations, edges
 from deformer.linalg import SparseCholesky
 
-# Fewer shapes do not tell what they have in common.
-_FEWEST = 4
-# Deviation, in median edges, from which noise can be told from detail that a shape has alone.
-_NOTICED = 0.02
-# Strengths of smoothing: where noise is looked for, and what is tried from the strongest down.
-_WEAK = 1.0
+# With fewer shapes their common detail is unknown.
+_FEWEST_SHAPES = 4
+# Standard deviation, in median edges, below which noise cannot be told from a shape's own detail.
+_LEAST_NOISE = 0.02
+# Strengths of smoothing: the one that detects noise, and the candidates from the strongest down.
+_DETECTION_STRENGTH = 1.0
 _STRENGTHS = np.logspace(6, -1, 15)
-# Shapes, evenly spread, on which both are done; shapes smoothed at a time.
-_LOOKED_AT = 24
+# Evenly spread shapes that detection and choice of the strength look at.
+_SAMPLE = 24
+# Shapes smoothed at a time: bounds memory.
 _BLOCK = 16
+# Random vectors that estimate the trace of the smoothing.
 _PROBES = 16
 # Median absolute value to standard deviation of a normal distribution.
 _MEDIAN = 0.6745
 
 
 def remove_noise(shapes: MeshSequence) -> tuple[FloatArray, float]:
-    """Shapes (N, V, 3) without their noise, and its standard deviation a coordinate.
+    """Remove the noise of shapes.
 
-    Noise is what neither the neighbours nor the other shapes foretell, the same everywhere and
-    independent from vertex to vertex. Below a fiftieth of an edge, or of fewer than four shapes,
-    nothing is taken off: the shapes come back as they are, with a deviation of 0.
+    Noise is what neither the neighbours nor the other shapes predict, of the same size everywhere
+    and independent from vertex to vertex. Noise below a fiftieth of an edge stays, as does that of
+    fewer than four shapes.
+
+    Args:
+        shapes: N shapes.
+
+    Returns:
+        The shapes (N, V, 3) without noise, and the standard deviation of what was removed from
+        each coordinate, in the unit of the data; 0 where the shapes are unchanged.
     """
     vertices = shapes.vertices
-    if len(vertices) < _FEWEST:
+    if len(vertices) < _FEWEST_SHAPES:
         return vertices, 0.0
-    some = vertices[np.unique(np.linspace(0, len(vertices) - 1, _LOOKED_AT).round().astype(int))]
+    sample = vertices[np.unique(np.linspace(0, len(vertices) - 1, _SAMPLE).round().astype(int))]
     smoother = _Smoother(shapes)
     i, j = edges(shapes.faces).T
-    edge = float(np.median(np.linalg.norm(some[:, i] - some[:, j], axis=2)))
-    if smoother.split(some, _WEAK).noise < _NOTICED * edge:
+    edge = float(np.median(np.linalg.norm(sample[:, i] - sample[:, j], axis=2)))
+    if smoother.split(sample, _DETECTION_STRENGTH).noise < _LEAST_NOISE * edge:
         return vertices, 0.0
-    # From above: where smoothing is too weak, the rotations follow the noise and foretell it.
-    best = smoother.split(some, _STRENGTHS[0])
+    # From above: where smoothing is too weak, the rotations follow the noise and predict it.
+    best = smoother.split(sample, _STRENGTHS[0])
     for strength in _STRENGTHS[1:]:
-        found = smoother.split(some, strength)
-        if found.surprise >= best.surprise:
+        found = smoother.split(sample, strength)
+        if found.prediction_error >= best.prediction_error:
             break
         best = found
     return smoother.split(vertices, best.strength).clean(), best.noise
@@ -66,22 +75,22 @@ class _Split:
     Args:
         strength: of the smoothing.
         smooth: s (N, V, 3).
-        turns: R (N, V, 3, 3).
+        rotations: R (N, V, 3, 3).
         detail: (N, V, 3) in the common frame, before it is averaged.
-        surprise: root mean square of what neighbours and other shapes do not foretell.
+        prediction_error: root mean square of what neighbours and other shapes do not predict.
         noise: the same by the median, which detail of single places does not move.
     """
 
     strength: float
     smooth: FloatArray
-    turns: FloatArray
+    rotations: FloatArray
     detail: FloatArray
-    surprise: float
+    prediction_error: float
     noise: float
 
     def clean(self) -> FloatArray:
         """Shapes (N, V, 3) with the mean detail."""
-        return self.smooth + np.einsum("nvab,vb->nva", self.turns, self.detail.mean(axis=0))
+        return self.smooth + np.einsum("nvab,vb->nva", self.rotations, self.detail.mean(axis=0))
 
 
 class _Smoother:
@@ -102,27 +111,28 @@ class _Smoother:
         self._points = shapes.vertices[0]
 
     def split(self, shapes: FloatArray, strength: float) -> _Split:
-        """Split shapes (N, V, 3); vertices of no face are left as they are."""
+        """Split shapes (N, V, 3); vertices without a face stay as they are."""
         N, V = shapes.shape[:2]
         system = SparseCholesky(sparse.eye_array(V) + strength * self._bending, self._points)
         smooth = np.concatenate([self._smooth(system, block) for block in _blocks(shapes)])
-        turns = np.stack([self._turns(smooth[0], shape) for shape in smooth])
-        detail = np.einsum("nvba,nvb->nva", turns, shapes - smooth)
-        # How much of a vertex's own position is in what its neighbourhood says of it.
+        rotations = np.stack([self._rotations(smooth[0], shape) for shape in smooth])
+        detail = np.einsum("nvba,nvb->nva", rotations, shapes - smooth)
+        # Mean diagonal of the smoothing: the share of a vertex's own position in its prediction.
         probes = np.random.default_rng(0).choice([-1.0, 1.0], size=(V, _PROBES))
         own = float((probes * system.solve(probes)).mean())
         others = (detail.sum(axis=0) - detail) / (N - 1)
         # The mean of the others has noise of its own.
-        away = (detail - others) / ((1.0 - own) * np.sqrt(N / (N - 1)))
-        noise = float(np.median(np.abs(away))) / _MEDIAN
-        return _Split(strength, smooth, turns, detail, float(np.sqrt((away**2).mean())), noise)
+        residual = (detail - others) / ((1.0 - own) * np.sqrt(N / (N - 1)))
+        noise = float(np.median(np.abs(residual))) / _MEDIAN
+        rms = float(np.sqrt((residual**2).mean()))
+        return _Split(strength, smooth, rotations, detail, rms, noise)
 
     def _smooth(self, system: SparseCholesky, shapes: FloatArray) -> FloatArray:
         columns = shapes.transpose(1, 0, 2)
         found = system.solve(np.ascontiguousarray(columns.reshape(len(columns), -1)))
         return found.reshape(columns.shape).transpose(1, 0, 2)
 
-    def _turns(self, base: FloatArray, shape: FloatArray) -> FloatArray:
+    def _rotations(self, base: FloatArray, shape: FloatArray) -> FloatArray:
         """Rotations (V, 3, 3) of neighbourhoods, two edges wide, from `base` to `shape`."""
         a, b = base - base.mean(axis=0), shape - shape.mean(axis=0)
         outer = np.einsum("va,vb->vab", b, a)
