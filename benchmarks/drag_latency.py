@@ -24,13 +24,13 @@ from rich.table import Table
 from scipy.spatial import KDTree
 
 import deformer
-from deformer.editing import HandleObjective, HandleSolver, Surface
+from deformer.editing import HandleEnergy, HandleSolver, Surface
 from deformer.geometry import align
 from deformer.linalg import SparseCholesky, over_ranges
 from deformer.model.latent_prior import fit_prior
 
 STAGES = {
-    "search by landmarks": (HandleObjective, "descend"),
+    "search by landmarks": (HandleEnergy, "descend"),
     "decode all vertices": (Surface, "decode"),
     "right-hand side": (Surface, "sum_edges"),
     "back-substitution": (SparseCholesky, "solve_in_order"),

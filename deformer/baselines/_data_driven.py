@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from deformer.acap import features_to_gradients
-from deformer.baselines._descent import damped_step, descend
 from deformer.baselines._gradient_space import GradientSpace
 from deformer.editing import schur_inverse
 from deformer.geometry import FloatArray, IntArray, log_to_rotation, right_jacobian
+from deformer.linalg import damped_step, descend
 from deformer.model import LatentPrior
 
-# Prior standard deviation of the rigid rotation, radians, as in `deformer.objective`.
+# Prior standard deviation of the rigid rotation, radians, as in `HandleEnergy`.
 _ROTATION_SCALE = 0.3
 # Examples that are started from, beside the mean; steps from each, and of the best one.
 _STARTS = 2
@@ -112,8 +112,9 @@ class DataDrivenDeformation:
         found = []
         for n in order:
             start = _Fit(control, np.concatenate([y[n], np.zeros(3)]))
-            found.append(descend(start, _FIRST_STEPS, _TOLERANCE))
-        best = descend(min(found, key=lambda point: point.value), _STEPS, _TOLERANCE)
+            found.append(descend(start, steps=_FIRST_STEPS, relative_gain=_TOLERANCE).point)
+        best = min(found, key=lambda point: point.energy)
+        best = descend(best, steps=_STEPS, relative_gain=_TOLERANCE).point
         d = best.distances
         p = best.p + np.einsum("vh,ha->va", G.T, stiffness @ d) + inverse[-1, :-1] @ d
         p = p @ log_to_rotation(best.x[-3:]).T + self.space.poisson.centroid
@@ -151,8 +152,8 @@ class _Fit:
         pull = np.vdot(self.distances, control.stiffness @ self.distances)
         self.ridge = np.ones(len(self.x))
         self.ridge[-3:] = _ROTATION_SCALE**-2
-        self.value = control.weight * (misfit + 2.0 * float(pull))
-        self.value += float((self.ridge * self.x**2).sum())
+        self.energy = control.weight * (misfit + 2.0 * float(pull))
+        self.energy += float((self.ridge * self.x**2).sum())
         self._normal: tuple[FloatArray, FloatArray] | None = None
 
     def normal(self) -> tuple[FloatArray, FloatArray]:

@@ -10,11 +10,11 @@ from scipy import sparse
 
 from deformer.acap import PoissonSystem
 from deformer.baselines._connection import Connection
-from deformer.baselines._descent import damped_step, descend
 from deformer.baselines._gradient_space import faint_pull, least_inverse
-from deformer.baselines._shell import SHORTER, Shell
+from deformer.baselines._shell import DAMPING, SHORTENINGS, Shell
 from deformer.editing import schur_inverse
 from deformer.geometry import FloatArray, IntArray, procrustes
+from deformer.linalg import damped_step, descend
 from deformer.model import LatentPrior
 
 # Energies' relative gain that ends a reconstruction, and its most steps.
@@ -93,7 +93,7 @@ class EdgeSpace:
         """
         pull = faint_pull(prior, self.shell.reference.bounding_diagonal)
         start = _Closest(self, target, pull, prior.mean, w, laid_on(self.decode(w), target))
-        return descend(start, _OUTER_STEPS, _OUTER_TOLERANCE).w
+        return descend(start, steps=_OUTER_STEPS, relative_gain=_OUTER_TOLERANCE).point.w
 
 
 def laid_on(p: FloatArray, target: FloatArray) -> FloatArray:
@@ -116,7 +116,7 @@ class _Closest:
     def __post_init__(self) -> None:
         self.residual = self.p - self.target
         away = self.w - self.mean
-        self.value = float((self.residual**2).sum() + away @ self.pull @ away)
+        self.energy = float((self.residual**2).sum() + away @ self.pull @ away)
         self._normal: tuple[FloatArray, FloatArray, FloatArray] | None = None
 
     def step(self, damping: float) -> FloatArray:
@@ -193,9 +193,9 @@ class EdgeDeformation:
             p = moved[n]
             p[vertices] = targets
             start = _Fit(self, np.flatnonzero(~held), weight, p, self.white[n])
-            found.append(descend(start, _FIRST_STEPS, _HANDLE_TOLERANCE, shorter=SHORTER))
-        best = min(found, key=lambda point: point.value)
-        return descend(best, _HANDLE_STEPS, _HANDLE_TOLERANCE, shorter=SHORTER).p
+            found.append(_descended(start, _FIRST_STEPS))
+        best = min(found, key=lambda point: point.energy)
+        return _descended(best, _HANDLE_STEPS).p
 
 
 @dataclass(eq=False)
@@ -213,7 +213,7 @@ class _Fit:
         w = deformation.prior.mean + deformation.factor @ self.y
         space = deformation.space
         self.residual = space.shell.difference(self.p, space.features(w)).ravel()
-        self.value = float(self.weight * (self.residual**2).sum() + (self.y**2).sum())
+        self.energy = float(self.weight * (self.residual**2).sum() + (self.y**2).sum())
         self._normal: tuple[sparse.csr_array, FloatArray, FloatArray, FloatArray] | None = None
 
     def step(self, damping: float) -> FloatArray:
@@ -245,3 +245,15 @@ class _Fit:
         p.reshape(-1)[self.free] += step[: len(self.free)]
         y = self.y + step[len(self.free) :]
         return _Fit(self.deformation, self.free, self.weight, p, y)
+
+
+def _descended(start: _Fit, steps: int) -> _Fit:
+    """The end of a descent whose steps cost a factorisation each."""
+    found = descend(
+        start,
+        steps=steps,
+        relative_gain=_HANDLE_TOLERANCE,
+        damping=DAMPING,
+        shortenings=SHORTENINGS,
+    )
+    return found.point

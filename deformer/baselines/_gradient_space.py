@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from deformer.acap import PoissonSystem, features_to_gradients, gradient_tangents
-from deformer.baselines._descent import damped_step, descend
 from deformer.geometry import FloatArray
+from deformer.linalg import damped_step, descend
 from deformer.model import LatentPrior
 
 # Components whose changes of the vertices are solved for at once: bounds memory.
@@ -100,7 +100,7 @@ class GradientSpace:
         goal = target - target.mean(axis=0) + self.poisson.centroid
         pull = faint_pull(prior, self.poisson.reference.bounding_diagonal)
         start = _Closest(self, goal, pull, prior.mean, w)
-        return descend(start, _STEPS, _TOLERANCE).w
+        return descend(start, steps=_STEPS, relative_gain=_TOLERANCE).point.w
 
 
 @dataclass(eq=False)
@@ -116,7 +116,7 @@ class _Closest:
     def __post_init__(self) -> None:
         self.residual = self.space.decode(self.w[None])[0] - self.goal
         away = self.w - self.mean
-        self.value = float((self.residual**2).sum() + away @ self.pull @ away)
+        self.energy = float((self.residual**2).sum() + away @ self.pull @ away)
         self._normal: tuple[FloatArray, FloatArray] | None = None
 
     def step(self, damping: float) -> FloatArray:

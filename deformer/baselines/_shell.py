@@ -8,16 +8,15 @@ et al., "Discrete Shells" (2003).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
 from scipy import sparse
 
-from deformer.baselines._descent import descend
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, Mesh
-from deformer.linalg import Dissection, SparseCholesky
+from deformer.linalg import Damping, Dissection, SparseCholesky, descend
 
 # Stiffness against stretch beside that against bending: a relative change of length by 0.1 weighs
 # as much as a change of angle by one radian.
@@ -28,8 +27,10 @@ _BENDING_RANGE = 0.1, 10.0
 # Stiffness that keeps the six rigid motions in place while solving, relative to the mean diagonal.
 _GROUND = 1e-9
 _ROUNDING = 1e-18
-# Shapes of slivers fold over within a step: such a step is shortened, which needs no factorisation.
-SHORTER = 3
+# Shapes of slivers fold over within a step: such a step is shortened, which needs no factorisation,
+# and only then damped, much more than before.
+SHORTENINGS = 3
+DAMPING = Damping(up=64.0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -231,7 +232,15 @@ class Shell:
         # Below this share of the features' own size what is left is rounding.
         floor = _ROUNDING * float((target**2).sum())
         begun = _Reconstruction(self, target, start)
-        return descend(begun, limit, tolerance, 1e-6, floor, SHORTER).p
+        found = descend(
+            begun,
+            steps=limit,
+            relative_gain=tolerance,
+            damping=replace(DAMPING, initial=1e-6),
+            negligible=floor,
+            shortenings=SHORTENINGS,
+        )
+        return found.point.p
 
 
 @dataclass(eq=False)
@@ -244,7 +253,7 @@ class _Reconstruction:
 
     def __post_init__(self) -> None:
         self.residual = self.shell.difference(self.p, self.target)
-        self.value = float((self.residual**2).sum())
+        self.energy = float((self.residual**2).sum())
         self._normal: tuple[sparse.csr_array, FloatArray] | None = None
 
     def step(self, damping: float) -> FloatArray:

@@ -4,7 +4,7 @@ from .arap import (
     schur_inverse as schur_inverse,
 )
 from .energy import (
-    HandleObjective as HandleObjective,
+    HandleEnergy as HandleEnergy,
 )
 from .handles import (
     Handle as Handle,

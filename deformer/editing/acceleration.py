@@ -1,4 +1,4 @@
-"""How far a sequence is from moving evenly, and the banded systems that this leads to."""
+"""Squared accelerations of a sequence, and the banded systems that they lead to."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Roughness:
         second = np.diff(np.concatenate([before, X]), 2, axis=0)
         return float(self._weight * (second**2 @ scale).sum())
 
-    def times(self, before: FloatArray, X: FloatArray) -> FloatArray:
+    def half_gradient(self, before: FloatArray, X: FloatArray) -> FloatArray:
         """Half the gradient (m, n) for scales of one."""
         Y = np.concatenate([before, X])
         d = self._diagonals

@@ -61,7 +61,7 @@ class NumbaFrames:
     def __init__(self, basis: HandleBasis) -> None:
         """Take over the handles."""
         self._basis = basis
-        self._handles = basis.by_landmarks()
+        self._handles = basis.landmark_positions()
         self._count = len(basis.vertices)
 
     def by_landmarks(self, z: FloatArray) -> FloatArray:
@@ -116,7 +116,7 @@ class NumbaFrames:
             surface.take_handles(np.empty(0, dtype=np.int64), [])
             for m in part:
                 targets = (goals[m, held[m]] - origin[m]) @ Q[m]
-                basis.hold(vertices[held[m]], surface)
+                basis.set_exact(vertices[held[m]], surface)
                 surface.reset()
                 surface.decode(z[m])
                 surface.solve()

@@ -43,7 +43,7 @@ class TorchFrames:
         self._all = _Decoder(model.decoder, self._device)
         self._landmarks = _Decoder(basis.landmark_decoder, self._device)
         self._landmark_coefficients = self._tensor(basis.landmark_coefficients)
-        coefficients = model.poisson.position_coefficients(basis.green(basis.vertices))
+        coefficients = model.poisson.position_coefficients(basis.green_rows(basis.vertices))
         self._coefficients = self._tensor(coefficients.reshape(len(coefficients), 3 * V))
         system = model.poisson
         rows = np.repeat(np.arange(V), np.diff(system.indptr))
@@ -111,7 +111,7 @@ class TorchFrames:
         for which in np.unique(held, axis=0) if len(held) else []:
             frames = np.flatnonzero((held == which).all(axis=1))
             exact = self._basis.vertices[which]
-            green = self._basis.bending(exact)
+            green = self._basis.bending_rows(exact)
             inverse = self._tensor(schur_inverse(green[:, exact]))
             index = torch.as_tensor(exact, device=self._device)
             rows = self._tensor(green)

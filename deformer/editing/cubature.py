@@ -1,10 +1,9 @@
 """A few vertices that stand for all: the decoder's Jacobian, at a fraction of the cost.
 
 Deformation gradients vary smoothly and together, so vertices are grouped by how they react to the
-latent code. Within a group all take the gradient of one landmark, and a handle's position
-Σ_i T_i a_h,i becomes a short sum over landmarks with the coefficients of each group
-added up. What that
-leaves out is measured exactly at the current code and carried along as an offset.
+latent code. All vertices of a group get the deformation gradient of one landmark, and a handle's
+position Σ_i T_i a_h,i becomes a short sum over landmarks with the coefficients of each group added
+up. What that leaves out is measured exactly at the current code and added as an offset.
 """
 
 from __future__ import annotations
@@ -15,7 +14,9 @@ from scipy import sparse
 from deformer.geometry import FloatArray, IntArray, farthest_rows
 from deformer.network import Decoder
 
+# Numbers that describe a vertex's derivative.
 _SKETCH = 12
+# Landmarks of larger meshes are chosen among this many random vertices.
 _POOL = 20_000
 
 
@@ -49,11 +50,11 @@ def choose_landmarks(
     chosen, labels = farthest_rows(description[pool], count)
     chosen = pool[chosen]
     if len(pool) < V:
-        marks = description[chosen]
+        landmarks = description[chosen]
         labels = np.empty(V, dtype=np.int64)
         for start in range(0, V, 4096):
             part = description[start : start + 4096]
-            cost = (marks**2).sum(axis=1) - 2.0 * part @ marks.T
+            cost = (landmarks**2).sum(axis=1) - 2.0 * part @ landmarks.T
             labels[start : start + 4096] = cost.argmin(axis=1)
     return chosen, labels
 

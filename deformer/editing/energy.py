@@ -1,7 +1,7 @@
 """The energy of a handle fit and its descent, over the unknowns x = (y, ω, t).
 
 y is the whitened latent code, z = μ + L y with Σ = L Lᵀ; ω a rotation vector and t a translation
-in bounding diagonals, both of a rigid motion about the reference's centroid.
+in bounding diagonals, both of a rigid motion about the shape's centroid (`Unknowns`).
 """
 
 from __future__ import annotations
@@ -11,8 +11,10 @@ from functools import cached_property
 
 import numpy as np
 
-from deformer.editing.handle_positions import Evaluation, Handles
+from deformer.editing.handle_positions import Evaluation, HandlePositions
+from deformer.editing.unknowns import MOTION, Unknowns
 from deformer.geometry import FloatArray, log_to_rotation, right_jacobian
+from deformer.linalg import Damping, descend
 from deformer.model import (
     FREE,
     BendLimits,
@@ -22,30 +24,35 @@ from deformer.model import (
     cost_of_freedom,
 )
 
+_DAMPING = Damping(initial=1e-3, up=8.0, down=8.0, floor=1e-9, ceiling=1e8)
+# A step that gains less than this of an energy near zero ends a descent.
+_ABSOLUTE_GAIN = 1e-9
+
 
 @dataclass(frozen=True, eq=False)
-class HandleObjective:
-    """Σ_h w_h ‖Q p_h(z) + t − q_h‖² / (σ D)² + ‖y‖² + ‖b(z)‖² + m(ω, t).
+class HandleEnergy:
+    """Σ_h w_h ‖Q (p_h(z) + c(z)) + t − q_h‖² / (σ D)² + ‖y‖² + ‖b(z)‖² + m(ω, t).
 
-    Handles p_h are those of the shape with its centroid where `RigidPrior` has it; b is what bends
-    more than in any example (`BendLimits.excess`).
+    p_h are handle positions relative to the shape's centroid, c is the centroid that shapes of the
+    code have (`RigidPrior.centroid`), Q = exp(ω), and b is what bends more than in any example
+    (`BendLimits.excess`).
 
-    The rigid motion costs m = min(‖ω‖²/s_ω² + ‖t‖²/s_t², ‖ω‖²/S_ω² + ‖t‖²/S_t² + c): it is as small
-    as the training shapes' (`RigidPrior` s), or, at the cost c, anything at all (S). With a
-    `freedom` it is ‖ω‖²/S_ω² + ‖t‖²/S_t² over freedom².
+    The rigid motion costs m = min(‖ω‖²/s_ω² + ‖t‖²/s_t², ‖ω‖²/S_ω² + ‖t‖²/S_t² + cost): it is as
+    small as the training shapes' (deviations s of the rigid prior), or, at a cost, anything at all
+    (S). With a `freedom` it is ‖ω‖²/S_ω² + ‖t‖²/S_t² over freedom².
 
     Args:
-        prior: of the latent code.
+        prior: of the latent code, K dimensions.
         factor: its Cholesky factor L (K, K).
         centroid: (3,) of the reference.
         diagonal: D, bounding diagonal of the reference.
-        noise: σ.
+        noise: σ, in bounding diagonals.
         rigid: whether ω and t are unknowns; otherwise they stay zero.
-        targets: (H, 3).
-        weights: (H,).
-        rigid_prior: s, or None where it is not known.
+        targets: q (H, 3).
+        weights: w (H,).
+        rigid_prior: s and c, or None where they are not known.
         freedom: factor on the deviations S of the rigid motion; None is the minimum above.
-        sole: the one of the minimum's terms that counts, 0 or 1; None is the minimum.
+        rigid_term: the one of the minimum's terms that counts, 0 or 1; None is the minimum.
         limits: of bends, or None where they are not known.
     """
 
@@ -59,12 +66,12 @@ class HandleObjective:
     weights: FloatArray
     rigid_prior: RigidPrior | None = None
     freedom: float | None = None
-    sole: int | None = None
+    rigid_term: int | None = None
     limits: BendLimits | None = None
 
     @classmethod
-    def of(cls, model: DeformationModel, noise: float, rigid: bool) -> HandleObjective:
-        """For a model, without handles."""
+    def of_model(cls, model: DeformationModel, noise: float, rigid: bool) -> HandleEnergy:
+        """The energy of a model without handles."""
         return cls(
             prior=model.prior,
             factor=model.prior.factor,
@@ -78,159 +85,155 @@ class HandleObjective:
             limits=model.bend_limits,
         )
 
-    def apart(self) -> list[HandleObjective]:
+    def by_rigid_term(self) -> list[HandleEnergy]:
         """One energy for each term of the rigid motion's minimum; this is the least of them."""
-        return [replace(self, sole=term) for term in range(len(self._stiffnesses))]
+        return [replace(self, rigid_term=term) for term in range(len(self._stiffnesses))]
+
+    @property
+    def components(self) -> int:
+        """Dimensions K of the latent code."""
+        return len(self.prior.mean)
 
     @property
     def size(self) -> int:
         """Number of unknowns, K + 6."""
-        return len(self.prior.mean) + 6
+        return self.components + MOTION
+
+    @property
+    def active(self) -> int:
+        """Number of unknowns that a descent changes: K + 6, or K without rigid motion."""
+        return self.size if self.rigid else self.components
 
     def code(self, x: FloatArray) -> FloatArray:
-        """Latent code z (K,) of the unknowns."""
-        return self.prior.mean + self.factor @ x[:-6]
+        """Latent code z (K,) of unknowns (K+6,)."""
+        return self.prior.mean + self.factor @ Unknowns(x).code
 
-    def unknowns(self, z: FloatArray, rotation: FloatArray, move: FloatArray) -> FloatArray:
-        """Unknowns x of a latent code (K,) and a rigid motion; the inverse of `code`."""
-        y = np.linalg.solve(self.factor, z - self.prior.mean)
-        return np.asarray(np.concatenate([y, rotation, move]), dtype=np.float64)
+    def codes(self, X: FloatArray) -> FloatArray:
+        """Latent codes (..., K) of unknowns (..., K+6)."""
+        return self.prior.mean + Unknowns(X).code @ self.factor.T
 
-    def motion(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rigid motion of points given relative to the centroid: rotation (3, 3), origin (3,)."""
-        return log_to_rotation(x[-6:-3]), self.origins(x)
+    def unknowns(self, z: FloatArray, rotation: FloatArray, translation: FloatArray) -> FloatArray:
+        """Unknowns x (K+6,) of a latent code (K,) and a rigid motion; the inverse of `code`.
 
-    def origins(self, x: FloatArray) -> FloatArray:
-        """Where the centroid goes, (..., 3), of unknowns (..., K+6)."""
-        turned = log_to_rotation(x[..., -6:-3]) @ self.stands(x)[..., None]
-        return self.centroid + self.diagonal * x[..., -3:] + turned[..., 0]
+        Args:
+            z: (K,) latent code.
+            rotation: (3,) rotation vector, in radians.
+            translation: (3,) in bounding diagonals.
+        """
+        y: FloatArray = np.asarray(np.linalg.solve(self.factor, z - self.prior.mean), np.float64)
+        return Unknowns.join(y, rotation, translation)
 
-    def stands(self, x: FloatArray) -> FloatArray:
-        """Where the centroid is before the rigid motion, (..., 3), from the reference's."""
+    def rigid_motion(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rotation (3, 3) and origin (3,) for points given relative to the shape's centroid."""
+        return log_to_rotation(Unknowns(x).rotation), self.centroids(x)
+
+    def centroids(self, x: FloatArray) -> FloatArray:
+        """The shape's centroid after the rigid motion, (..., 3), of unknowns (..., K+6)."""
+        parts = Unknowns(x)
+        turned = log_to_rotation(parts.rotation) @ self.centroid_offset(x)[..., None]
+        return self.centroid + self.diagonal * parts.translation + turned[..., 0]
+
+    def centroid_offset(self, x: FloatArray) -> FloatArray:
+        """c(z) (..., 3): the centroid before the rigid motion, relative to the reference's."""
         if self.rigid_prior is None:
             return np.zeros((*x.shape[:-1], 3))
-        return self.diagonal * self.rigid_prior.centroid(
-            self.prior.mean + x[..., :-6] @ self.factor.T
-        )
+        return self.diagonal * self.rigid_prior.centroid(self.codes(x))
 
     @cached_property
-    def drift(self) -> FloatArray:
-        """Derivative (3, K) of `stands` by the whitened code."""
+    def centroid_jacobian(self) -> FloatArray:
+        """∂c/∂y (3, K): derivative of `centroid_offset` by the whitened code."""
         if self.rigid_prior is None or self.rigid_prior.gain is None:
-            return np.zeros((3, self.size - 6))
-        return np.asarray(self.diagonal * self.rigid_prior.gain @ self.factor, dtype=np.float64)
+            return np.zeros((3, self.components))
+        gain = self.diagonal * self.rigid_prior.gain @ self.factor
+        return np.asarray(gain, dtype=np.float64)
 
     def move(self, x: FloatArray, p: FloatArray) -> FloatArray:
-        """Rigid motion of points (n, 3) given relative to the centroid."""
-        Q, place = self.motion(x)
-        return p @ Q.T + place
+        """Rigid motion of points (n, 3) given relative to the shape's centroid."""
+        Q, origin = self.rigid_motion(x)
+        return p @ Q.T + origin
 
     def move_back(self, x: FloatArray, points: FloatArray) -> FloatArray:
         """Inverse of `move`."""
-        Q, place = self.motion(x)
-        return (points - place) @ Q
+        Q, origin = self.rigid_motion(x)
+        return (points - origin) @ Q
 
-    def energy(self, x: FloatArray, p: FloatArray) -> float:
-        """Value at x with handle positions p (H, 3) relative to the centroid."""
+    def value(self, x: FloatArray, p: FloatArray) -> float:
+        """The energy at x (K+6,) with handle positions p (H, 3) relative to the centroid."""
         misfit = self._misfit(x, p)
         stiffness, cost = self.stiffness(x)
-        beyond, _ = self.beyond(x)
-        return float((misfit**2).sum() + (stiffness * x**2).sum() + (beyond**2).sum()) + cost
+        excess, _ = self.excess_bending(x)
+        return float((misfit**2).sum() + (stiffness * x**2).sum() + (excess**2).sum()) + cost
 
-    def beyond(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """What bends more than any example, b (..., m), and its derivative (..., m, K) by y.
+    def excess_bending(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What bends more than any example, b (..., m), and ∂b/∂y (..., m, K).
 
         Of unknowns (..., K+6); m counts the bends that are outside in any of them.
         """
         if self.limits is None:
-            return np.zeros((*x.shape[:-1], 0)), np.zeros((*x.shape[:-1], 0, self.size - 6))
-        every = self.limits.excess(self.prior.mean + x[..., :-6] @ self.factor.T)
+            return np.zeros((*x.shape[:-1], 0)), np.zeros((*x.shape[:-1], 0, self.components))
+        every = self.limits.excess(self.codes(x))
         some = np.flatnonzero(every.reshape(-1, every.shape[-1]).any(axis=0))
         slope = self.limits.directions[some] @ self.factor / self.limits.slack[some, None]
         b = every[..., some]
         return b, (b != 0)[..., None] * slope
 
-    def placed(self, x: FloatArray, p: FloatArray) -> FloatArray:
-        """The unknowns x, translated so that the handles' weighted centroid is the targets'."""
+    def translated_to_targets(self, x: FloatArray, p: FloatArray) -> FloatArray:
+        """x, translated so that the handles' weighted centroid is that of the targets."""
         if not self.rigid or len(p) == 0:
             return x
         w = self.weights / self.weights.sum()
         moved = x.copy()
-        moved[-3:] += (w @ self.targets - w @ self.move(x, p)) / self.diagonal
+        Unknowns(moved).translation += (w @ self.targets - w @ self.move(x, p)) / self.diagonal
         return moved
 
     def descend(
         self,
-        handles: Handles,
+        positions: HandlePositions,
         x: FloatArray,
-        limit: int,
-        tolerance: float = 1e-5,
+        steps: int,
+        relative_gain: float = 1e-5,
         here: Evaluation | None = None,
     ) -> tuple[FloatArray, float, int]:
         """Levenberg–Marquardt from x; the energy never rises.
 
         Args:
-            handles: their positions and derivatives.
-            x: unknowns to start from.
-            limit: most steps.
-            tolerance: relative gain of a step that ends the descent.
-            here: the evaluation of `handles` at x, if it is known.
+            positions: of the handles, with their derivatives.
+            x: (K+6,) unknowns to start from.
+            steps: most steps.
+            relative_gain: a step that gains less of the energy ends the descent.
+            here: the evaluation of `positions` at x, if it is known.
 
         Returns:
-            x, energy, and the steps taken; it ends after `limit` steps, or when a step gains less
-            than `tolerance` of the energy.
+            x (K+6,), the energy there, and the steps taken.
         """
-        active = self.size if self.rigid else self.size - 6
-        if here is None:
-            here = handles.at(self.code(x))
-        energy = self.energy(x, here.positions)
-        damping = 1e-3
-        for count in range(limit):
-            J = self._jacobian(x, here.positions, here.derivative())[:, :active]
-            misfit = self._misfit(x, here.positions).ravel()
-            stiffness, _ = self.stiffness(x)
-            H = J.T @ J
-            diagonal = np.einsum("ii->i", H)
-            diagonal += stiffness[:active]
-            gradient = J.T @ misfit + stiffness[:active] * x[:active]
-            beyond, slope = self.beyond(x)
-            H[: self.size - 6, : self.size - 6] += slope.T @ slope
-            gradient[: self.size - 6] += slope.T @ beyond
-            plain = diagonal.copy()
-            while True:
-                diagonal[:] = plain * (1.0 + damping)
-                trial = x.copy()
-                trial[:active] -= np.linalg.solve(H, gradient)
-                there = handles.at(self.code(trial))
-                value = self.energy(trial, there.positions)
-                if value <= energy:
-                    break
-                damping *= 8.0
-                if damping > 1e8:
-                    return x, energy, count
-            gain = energy - value
-            x, energy, here = trial, value, there
-            damping = max(damping / 8.0, 1e-9)
-            if gain <= tolerance * energy + 1e-9:
-                return x, energy, count + 1
-        return x, energy, limit
+        here = positions.at(self.code(x)) if here is None else here
+        found = descend(
+            _Point(self, positions, x, here),
+            steps=steps,
+            relative_gain=relative_gain,
+            absolute_gain=_ABSOLUTE_GAIN,
+            damping=_DAMPING,
+        )
+        return found.point.x, found.point.energy, found.steps
 
     def stiffness(self, x: FloatArray) -> tuple[FloatArray, float]:
-        """Weights (K+6,) of the squared unknowns at x, and what it costs to have these."""
-        motion = x[-6:] ** 2
-        return min(self._stiffnesses, key=lambda entry: entry[0][-6:] @ motion + entry[1])
+        """Weights (K+6,) of the squared unknowns at x, and the cost of having these."""
+        motion = Unknowns(x).motion ** 2
+        return min(
+            self._stiffnesses, key=lambda entry: Unknowns(entry[0]).motion @ motion + entry[1]
+        )
 
     @cached_property
     def _stiffnesses(self) -> list[tuple[FloatArray, float]]:
-        """What `stiffness` chooses from."""
-        code = np.ones(self.size - 6)
+        """The terms of which `stiffness` takes the least."""
+        code = np.ones(self.components)
         if self.freedom is not None or self.rigid_prior is None:
             return [(np.concatenate([code, FREE.stiffness(self.freedom or 1.0)]), 0.0)]
         terms = [
             (np.concatenate([code, self.rigid_prior.stiffness()]), 0.0),
             (np.concatenate([code, FREE.stiffness()]), cost_of_freedom(self.rigid_prior)),
         ]
-        return terms if self.sole is None else [terms[self.sole]]
+        return terms if self.rigid_term is None else [terms[self.rigid_term]]
 
     def _row_weights(self) -> FloatArray:
         return np.sqrt(self.weights) / (self.noise * self.diagonal)
@@ -238,18 +241,28 @@ class HandleObjective:
     def _misfit(self, x: FloatArray, p: FloatArray) -> FloatArray:
         return self._row_weights()[:, None] * (self.move(x, p) - self.targets)
 
-    def posterior(self, x: FloatArray, p: FloatArray, dp: FloatArray) -> FloatArray:
-        """Covariance (n, n) of the unknowns given the handles: Laplace's approximation at x.
+    def normal_equations(self, x: FloatArray, here: Evaluation) -> tuple[FloatArray, FloatArray]:
+        """Gauss–Newton matrix (n, n) and half the gradient (n,) of the active unknowns at x."""
+        n, K = self.active, self.components
+        J = self._jacobian(x, here.positions, here.derivative())[:, :n]
+        misfit = self._misfit(x, here.positions).ravel()
+        stiffness, _ = self.stiffness(x)
+        H = J.T @ J
+        np.einsum("ii->i", H)[:] += stiffness[:n]
+        gradient = J.T @ misfit + stiffness[:n] * x[:n]
+        excess, slope = self.excess_bending(x)
+        H[:K, :K] += slope.T @ slope
+        gradient[:K] += slope.T @ excess
+        return H, gradient
 
-        n is K+6, or K where the rigid motion is no unknown; p (H, 3) and dp (H, 3, K) are the
-        handle positions and their derivative.
+    def posterior(self, x: FloatArray, here: Evaluation) -> FloatArray:
+        """Covariance (n, n) of the active unknowns given the handles: Laplace's approximation at x.
+
+        Args:
+            x: (K+6,) unknowns.
+            here: the handle positions there.
         """
-        active = self.size if self.rigid else self.size - 6
-        J = self._jacobian(x, p, dp)[:, :active]
-        H = J.T @ J + np.diag(self.stiffness(x)[0][:active])
-        _, slope = self.beyond(x)
-        H[: self.size - 6, : self.size - 6] += slope.T @ slope
-        return np.asarray(np.linalg.inv(H), dtype=np.float64)
+        return np.asarray(np.linalg.inv(self.normal_equations(x, here)[0]), dtype=np.float64)
 
     def _jacobian(self, x: FloatArray, p: FloatArray, dp: FloatArray) -> FloatArray:
         """Derivative (3H, K+6) of the misfit."""
@@ -258,15 +271,50 @@ class HandleObjective:
 
     def tangents(self, x: FloatArray, p: FloatArray, dp: FloatArray) -> FloatArray:
         """Derivative (H, 3, K+6) of moved points p (H, 3) with derivative dp (H, 3, K)."""
-        H = len(p)
-        omega = x[-6:-3]
+        omega = Unknowns(x).rotation
         Q = log_to_rotation(omega)
-        J = np.empty((H, 3, self.size))
-        J[:, :, :-6] = Q @ (dp @ self.factor + self.drift)
+        J = Unknowns(np.empty((len(p), 3, self.size)))
+        J.code = Q @ (dp @ self.factor + self.centroid_jacobian)
         # ∂(exp(ω) p)/∂ω = −exp(ω) [p]× J_right(ω)
-        J[:, :, -6:-3] = -Q @ _cross_matrices(p + self.stands(x)) @ right_jacobian(omega)
-        J[:, :, -3:] = self.diagonal * np.eye(3)
-        return J
+        J.rotation = -Q @ _cross_matrices(p + self.centroid_offset(x)) @ right_jacobian(omega)
+        J.translation = self.diagonal * np.eye(3)
+        return J.x
+
+
+class _Point:
+    """Unknowns of a handle fit, with the handle positions and the energy there.
+
+    Args:
+        function: the energy.
+        positions: of the handles.
+        x: (K+6,) unknowns.
+        here: the positions at x.
+    """
+
+    def __init__(
+        self, function: HandleEnergy, positions: HandlePositions, x: FloatArray, here: Evaluation
+    ) -> None:
+        """Evaluate the energy."""
+        self._function, self._positions, self._here = function, positions, here
+        self.x = x
+        self.energy = function.value(x, here.positions)
+        self._equations: tuple[FloatArray, FloatArray, FloatArray] | None = None
+
+    def step(self, damping: float) -> FloatArray:
+        """Damped Gauss–Newton step of the active unknowns."""
+        if self._equations is None:
+            H, gradient = self._function.normal_equations(self.x, self._here)
+            self._equations = H, gradient, H.diagonal().copy()
+        H, gradient, diagonal = self._equations
+        np.einsum("ii->i", H)[:] = diagonal * (1.0 + damping)
+        return np.asarray(-np.linalg.solve(H, gradient), dtype=np.float64)
+
+    def moved(self, step: FloatArray) -> _Point:
+        """The point that a step leads to."""
+        x = self.x.copy()
+        x[: len(step)] += step
+        here = self._positions.at(self._function.code(x))
+        return _Point(self._function, self._positions, x, here)
 
 
 def _cross_matrices(p: FloatArray) -> FloatArray:

@@ -173,7 +173,7 @@ class BlockDecoder:
 
 
 class BlockHandlePositions:
-    """Handle positions Σ_i T_i(z) a_h,i; see `objective.Handles`.
+    """Handle positions Σ_i T_i(z) a_h,i; see `HandlePositions`.
 
     Args:
         decoder: of n vertices.

@@ -1,4 +1,7 @@
-"""Handle positions as functions of the latent code, with their derivatives."""
+"""Handle positions p_h(z) = Σ_i T_i(z) a_h,i of the latent code, with their derivatives.
+
+T_i are deformation gradients, a_h,i their coefficients (`PoissonSystem.position_coefficients`).
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from deformer.geometry import FloatArray
 from deformer.network import Decoder
 
 
-class Handles(Protocol):
+class HandlePositions(Protocol):
     """Handle positions as a function of the latent code, relative to the shape's centroid."""
 
     def at(self, z: FloatArray) -> Evaluation:
@@ -39,7 +42,7 @@ class DenseHandlePositions:
     """
 
     def __init__(self, decoder: Decoder, coefficients: FloatArray, fast: bool = False) -> None:
-        """Take the coefficients."""
+        """Keep the coefficients in both precisions."""
         self.decoder, self.coefficients = decoder, coefficients
         self.fast = fast
         self.single_coefficients = coefficients.astype(np.float32)
@@ -72,15 +75,15 @@ class DenseEvaluation:
         return J.reshape(len(coefficients), 3, len(self._z))
 
 
-class CorrectedHandles:
+class CorrectedHandlePositions:
     """Handle positions by landmarks, and what those leave out: p(z) + correction z + offset.
 
     Args:
         landmarks: positions p (H, 3) by landmarks alone.
-        correction: (H, 3, K), or None.
+        correction: (H, 3, K) what landmarks leave out of the derivative, or None.
     """
 
-    def __init__(self, landmarks: Handles, correction: FloatArray | None = None) -> None:
+    def __init__(self, landmarks: HandlePositions, correction: FloatArray | None = None) -> None:
         """Begin without an offset."""
         self._landmarks, self._correction = landmarks, correction
         self._offset: FloatArray | float = 0.0
@@ -89,8 +92,12 @@ class CorrectedHandles:
         """Positions, and their derivative if it is asked for."""
         return CorrectedEvaluation(self._landmarks.at(z), z, self._correction, self._offset)
 
-    def pinned_at(self, z: FloatArray, p: FloatArray) -> CorrectedEvaluation:
-        """Choose the offset so that the positions at z are p (H, 3); the evaluation there."""
+    def match(self, z: FloatArray, p: FloatArray) -> CorrectedEvaluation:
+        """Choose the offset that makes the positions at z (K,) equal to p (H, 3).
+
+        Returns:
+            The evaluation at z.
+        """
         here = self.at(z)
         self._offset = self._offset + p - here.positions
         here.positions = p
@@ -98,7 +105,7 @@ class CorrectedHandles:
 
 
 class CorrectedEvaluation:
-    """`CorrectedHandles` at one latent code."""
+    """`CorrectedHandlePositions` at one latent code."""
 
     def __init__(
         self,

@@ -49,19 +49,18 @@ def uncertainty(solver: HandleSolver) -> Uncertainty:
     solution = solver.solution
     if solution is None:
         raise InputError("uncertainty: nothing has been solved yet; call solve first")
-    x, model, objective = solution, solver.model, solver.objective
-    z = objective.code(x)
-    handles = solver.basis.by_all().at(z)
-    P = objective.posterior(x, handles.positions, handles.derivative())
+    x, model, energy = solution, solver.model, solver.energy
+    z = energy.code(x)
+    P = energy.posterior(x, solver.basis.exact_positions().at(z))
     V, n = len(model.reference.vertices), len(P)
     p = model.decode(z)
     p -= p.mean(axis=0)
     dp = model.tangents(z).T.reshape(V, 3, -1)
-    Y = objective.tangents(x, p, dp)[:, :, :n] @ np.linalg.cholesky(P)
+    Y = energy.tangents(x, p, dp)[:, :, :n] @ np.linalg.cholesky(P)
     flat = Y.reshape(-1, n)
     G = flat.T @ flat
     variance = Y @ Y.transpose(0, 2, 1)
-    noise = (objective.noise * objective.diagonal) ** 2
+    noise = (energy.noise * energy.diagonal) ** 2
     taken = np.linalg.solve(variance + noise * np.eye(3), (Y @ G) @ Y.transpose(0, 2, 1))
     total = max(float(np.trace(G)), np.finfo(float).tiny)
     return Uncertainty(np.sqrt(np.einsum("vii->v", variance)), np.einsum("vii->v", taken) / total)

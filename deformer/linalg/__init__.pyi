@@ -1,6 +1,12 @@
 from .device import (
     resolve_device as resolve_device,
 )
+from .levenberg_marquardt import (
+    Damping as Damping,
+    Descent as Descent,
+    damped_step as damped_step,
+    descend as descend,
+)
 from .nested_dissection import (
     Dissection as Dissection,
 )

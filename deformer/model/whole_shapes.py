@@ -8,10 +8,14 @@ from numpy.typing import ArrayLike
 from deformer.acap import extract_all, gradient_tangents
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, align
+from deformer.linalg import Damping, damped_step, descend
 from deformer.model.model import DeformationModel
 
 # Latent components whose tangents are solved for at once: bounds memory.
 _TANGENT_BATCH = 10
+# The descent of `fit_shapes`: its damping, and the relative gain of a step that ends it.
+_DAMPING = Damping(initial=1e-4, up=10.0, down=10.0, floor=1e-8, ceiling=1e6)
+_GAIN = 1e-5
 
 
 def encode_shapes(model: DeformationModel, vertices: ArrayLike) -> FloatArray:
@@ -42,36 +46,43 @@ def _fit_shape(
 ) -> FloatArray:
     """Code (K,) of the shape `target` (V, 3), from a code z near it."""
     goal = target - target.mean(axis=0) + model.poisson.centroid
-    precision = np.linalg.inv(model.prior.covariance)
+    precision: FloatArray = np.asarray(np.linalg.inv(model.prior.covariance), dtype=np.float64)
     # One thousandth of the bounding diagonal of residual a vertex weighs as much as one
     # standard deviation of the prior weighs in all.
     pull = (1e-3 * model.reference.bounding_diagonal) ** 2 * precision
+    found = descend(
+        _Point(model, goal, pull, z),
+        steps=iterations,
+        relative_gain=_GAIN,
+        damping=_DAMPING,
+    )
+    return found.point.z
 
-    def energy(z: FloatArray) -> tuple[float, FloatArray]:
-        residual = model.decode_centred(z) - goal
-        away = z - model.prior.mean
-        return float((residual**2).sum() + away @ pull @ away), residual
 
-    value, residual = energy(z)
-    damping = 1e-4
-    for _ in range(iterations):
-        J = tangents(model, z)
-        H = J @ J.T + pull
-        gradient = J @ residual.ravel() + pull @ (z - model.prior.mean)
-        while damping < 1e6:
-            step = np.linalg.solve(H + damping * np.diag(np.diag(H)), -gradient)
-            new_value, new_residual = energy(z + step)
-            if new_value < value:
-                break
-            damping *= 10.0
-        else:
-            return z
-        gain = (value - new_value) / value
-        z, value, residual = z + step, new_value, new_residual
-        damping = max(damping / 10.0, 1e-8)
-        if gain < 1e-5:
-            break
-    return z
+class _Point:
+    """A code z (K,), with the energy ‖p(z) − goal‖² + (z − μ)ᵀ pull (z − μ)."""
+
+    def __init__(
+        self, model: DeformationModel, goal: FloatArray, pull: FloatArray, z: FloatArray
+    ) -> None:
+        """Evaluate the energy."""
+        self._model, self._goal, self._pull, self.z = model, goal, pull, z
+        self._residual = model.decode_centred(z) - goal
+        self._away = z - model.prior.mean
+        self.energy = float((self._residual**2).sum() + self._away @ pull @ self._away)
+        self._equations: tuple[FloatArray, FloatArray] | None = None
+
+    def step(self, damping: float) -> FloatArray:
+        """Damped Gauss–Newton step (K,)."""
+        if self._equations is None:
+            J = tangents(self._model, self.z)
+            gradient = J @ self._residual.ravel() + self._pull @ self._away
+            self._equations = J @ J.T + self._pull, gradient
+        return damped_step(*self._equations, damping)
+
+    def moved(self, step: FloatArray) -> _Point:
+        """The code that a step leads to."""
+        return _Point(self._model, self._goal, self._pull, self.z + step)
 
 
 def tangents(model: DeformationModel, z: FloatArray) -> FloatArray:

@@ -88,12 +88,12 @@ class SettingsSearch:
         """Poses (V, 3) by exact handles, one for each noise."""
         solver.set_handles(vertices, targets, hard=True)
         for number, noise in enumerate(noises):
-            solver.lean(noise=noise)
+            solver.set_prior(noise=noise)
             if number == 0:
                 pose = solver.solve()
             else:
                 # On from the last noise: sooner, if now and then in another minimum.
-                solver.settle()
+                solver.solve_to_convergence()
                 # As a cold solve gives it.
                 pose = solver.relax()
             yield pose.vertices

@@ -21,6 +21,7 @@ from deformer.geometry.geodesics import Geodesics
 from deformer.geometry.mesh import MeshSequence
 from deformer.geometry.metrics import e_rms
 from deformer.geometry.rotations import log_to_rotation, polar
+from deformer.linalg import Descent
 from deformer.model.latent_prior import LatentPrior, fit_prior
 from deformer.training.cross_validation import choose_noise, fit_each_noise
 from deformer.training.sparse_components import LocalisedSettings
@@ -129,7 +130,7 @@ def test_normal_matrix_is_the_second_derivative_where_nothing_is_left_over():
 
 
 def test_the_start_is_the_example_that_meets_the_handles(monkeypatch):
-    monkeypatch.setattr(_data_driven, "descend", lambda point, *settings: point)
+    monkeypatch.setattr(_data_driven, "descend", lambda point, **settings: Descent(point, 0))
     own = deformation()
     for n in (3, 5, 9):
         example = space().decode(own.examples[n : n + 1])[0]

@@ -41,7 +41,7 @@ def test_gain_is_what_another_handle_takes_away(model, freedom):
         other = HandleSolver(model, freedom=freedom)
         other.set_handles([4, 60, vertex], [*(h.target for h in solver.handles),
                                             pose.vertices[vertex]])  # fmt: skip
-        other.resume(pose.z, pose.rotation, pose.translation)
+        other.restore(pose.z, pose.rotation, pose.translation)
         after = uncertainty(other)
         left = (after.deviation**2).sum() / (before.deviation**2).sum()
         assert 1 - left == pytest.approx(before.gain[vertex], abs=0.02)

@@ -163,7 +163,7 @@ def test_energy_by_formula(layers, seed):
     anywhere = rotation / 0.09 + translation + odds
     motion = min(rotation / near.rotation**2 + translation / near.translation**2, anywhere)
     assert solver.energy(x) == pytest.approx(expected + motion, rel=1e-9)
-    fast = HandleSolver(model, noise=0.02).objective
+    fast = HandleSolver(model, noise=0.02).energy
     assert fast.stiffness(x)[0][-6:] @ x[-6:] ** 2 + fast.stiffness(x)[1] == pytest.approx(motion)
     assert fast.stiffness(0.001 * x)[1] == 0
 

@@ -458,10 +458,10 @@ def test_wrong_drags_are_refused(model):
 def test_settling_ends_where_nothing_improves(model, diagonal, hard):
     _, shape = pose_between(model)
     solver = HandleSolver(model)
-    first = solver.settle()
+    first = solver.solve_to_convergence()
     np.testing.assert_array_equal(first.vertices, HandleSolver(model).solve().vertices)
     solver.set_handles(SPREAD, shape[SPREAD], hard=hard)
-    settled = solver.settle(50)
+    settled = solver.solve_to_convergence(50)
     again = solver.solve(warm=True)
     assert again.energy == pytest.approx(settled.energy, rel=1e-3, abs=1e-6)
     cold = HandleSolver(model)
@@ -492,7 +492,7 @@ def test_a_resumed_solution_gives_the_same_pose_whatever_went_before(model, diag
     first, second = HandleSolver(model), HandleSolver(model)
     pose = bent_away(model, first)
     solution = pose.z, pose.rotation, pose.translation
-    shown = first.resume(*solution)
+    shown = first.restore(*solution)
     np.testing.assert_allclose(shown.z, pose.z, atol=1e-9)
     np.testing.assert_allclose(shown.residual[1], 0, atol=1e-9)
     second.set_handles([70], [[1.0, 1.0, 0.0]], hard=True)
@@ -501,12 +501,12 @@ def test_a_resumed_solution_gives_the_same_pose_whatever_went_before(model, diag
     second.set_handles(
         [h.vertex for h in handles], [h.target for h in handles], hard=[h.hard for h in handles]
     )
-    assert largest(second.resume(*solution).vertices - shown.vertices) < 1e-7 * diagonal
+    assert largest(second.restore(*solution).vertices - shown.vertices) < 1e-7 * diagonal
     # And without exact handles it is what the solve itself shows.
     soft = HandleSolver(model)
     soft.set_handles([4], model.decode(model.codes[3])[[4]])
     pose = soft.solve()
-    again = soft.resume(pose.z, pose.rotation, pose.translation)
+    again = soft.restore(pose.z, pose.rotation, pose.translation)
     assert largest(again.vertices - pose.vertices) < 1e-7 * diagonal
     assert again.energy == pytest.approx(pose.energy, rel=1e-6)
 
@@ -527,22 +527,22 @@ def test_a_drag_relaxes_to_the_pose_that_resuming_its_solution_gives(model, diag
     np.testing.assert_allclose(relaxed.z, frame.z, atol=1e-9)
     assert relaxed.energy == pytest.approx(frame.energy, rel=1e-6)
     assert largest(relaxed.vertices - frame.vertices) > 1e-3 * diagonal
-    again = solver.resume(frame.z, frame.rotation, frame.translation)
+    again = solver.restore(frame.z, frame.rotation, frame.translation)
     assert largest(again.vertices - relaxed.vertices) < 1e-7 * diagonal
     assert largest(solver.relax().vertices - relaxed.vertices) < 1e-7 * diagonal
 
 
-def test_leaning_on_another_code(model, diagonal):
+def test_a_prior_about_another_code(model, diagonal):
     """Without handles the pose is that code's; a solver begun that way agrees with one changed."""
     # Of one cost of the rigid motion: only a cold solve looks for the cheaper of two.
     solver = HandleSolver(model, freedom=1.0)
     bent_away(model, solver)
-    solver.lean(on=model.codes[5])
+    solver.set_prior(mean=model.codes[5])
     pose = solver.solve(warm=True)
     for _ in range(5):
         pose = solver.solve(warm=True)
     other = HandleSolver(model, freedom=1.0)
-    other.lean(on=model.codes[5])
+    other.set_prior(mean=model.codes[5])
     bent_away(model, other)
     assert pose.energy < 1.02 * other.solve().energy
     solver.set_handles([], np.zeros((0, 3)))
@@ -551,13 +551,13 @@ def test_leaning_on_another_code(model, diagonal):
     np.testing.assert_allclose(free.vertices, model.decode(model.codes[5]), atol=1e-5 * diagonal)
 
 
-def test_leaning_moves_nothing_by_itself(model):
+def test_a_change_of_the_prior_moves_nothing_by_itself(model):
     solver = HandleSolver(model)
     pose = bent_away(model, solver)
-    before = solver.objective.code(solver.solution)
-    solver.lean(on=model.codes[1], noise=0.02, freedom=0.5)
-    np.testing.assert_allclose(solver.objective.code(solver.solution), before, atol=1e-9)
-    assert solver.objective.noise == 0.02 and solver.objective.freedom == 0.5
+    before = solver.energy.code(solver.solution)
+    solver.set_prior(mean=model.codes[1], noise=0.02, freedom=0.5)
+    np.testing.assert_allclose(solver.energy.code(solver.solution), before, atol=1e-9)
+    assert solver.energy.noise == 0.02 and solver.energy.freedom == 0.5
     assert np.isfinite(pose.energy)
 
 
@@ -566,7 +566,7 @@ def test_a_lone_handle_carries_the_shape_along_or_bends_it(model, diagonal):
     shifts = []
     for freedom in (1.0, 0.01):
         solver = HandleSolver(model, freedom=freedom)
-        solver.lean(on=model.codes[0])
+        solver.set_prior(mean=model.codes[0])
         solver.set_handles([115], [goal])
         pose = solver.solve()
         assert pose.residual[0] < 0.02 * diagonal
@@ -577,26 +577,26 @@ def test_a_lone_handle_carries_the_shape_along_or_bends_it(model, diagonal):
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [({"noise": 0.0}, "noise"), ({"freedom": -1.0}, "freedom"), ({"noise": np.nan}, "noise"),
-     ({"on": [1.0]}, "z: expected 6"), ({"on": [np.inf] * 6}, "not finite")],
+     ({"mean": [1.0]}, "mean: expected 6"), ({"mean": [np.inf] * 6}, "not finite")],
 )  # fmt: skip
-def test_leaning_refuses_what_makes_no_sense(model, wrong, said):
+def test_a_prior_that_makes_no_sense_is_refused(model, wrong, said):
     with pytest.raises(InputError, match=said):
-        HandleSolver(model).lean(**wrong)
+        HandleSolver(model).set_prior(**wrong)
 
 
-def test_leaning_between_new_handles_and_their_solve(model):
+def test_a_change_of_the_prior_between_new_handles_and_their_solve(model):
     """Where the handles lie in the last solution is not known there yet."""
     _, shape = pose_between(model)
     solver = HandleSolver(model)
     solver.set_handles(SPREAD[:3], shape[SPREAD[:3]])
     solver.solve()
     solver.set_handles(SPREAD, shape[SPREAD])
-    solver.lean(noise=0.01)
+    solver.set_prior(noise=0.01)
     found = solver.solve(warm=True)
     other = HandleSolver(model)
     other.set_handles(SPREAD[:3], shape[SPREAD[:3]])
     other.solve()
-    other.lean(noise=0.01)
+    other.set_prior(noise=0.01)
     other.set_handles(SPREAD, shape[SPREAD])
     expected = other.solve(warm=True)
     np.testing.assert_allclose(found.vertices, expected.vertices, atol=1e-5)

@@ -77,7 +77,7 @@ def test_handles_far_away_take_the_body_along(model):
     # Five diagonals away even one diagonal as a deviation still pulls a little.
     assert pose.residual.max() < 0.02 * diagonal
     assert np.linalg.norm(pose.vertices - there, axis=1).max() < 0.1 * diagonal
-    near, cost = solver.objective.stiffness(np.zeros(solver.objective.size))
+    near, cost = solver.energy.stiffness(np.zeros(solver.energy.size))
     assert cost == 0 and near[-1] == pytest.approx(0.005**-2)
 
 
@@ -103,18 +103,18 @@ def test_a_code_brings_its_place_along(model):
     placed = replace(model, rigid_prior=RigidPrior(0.02, 0.005, offset, gain))
     z = model.codes[0]
     solver = HandleSolver(placed)
-    solver.lean(on=z)
+    solver.set_prior(mean=z)
     place = model.reference.bounding_diagonal * (offset + gain @ z)
     away = model.decode(z) - model.decode(z).mean(axis=0) + model.reference.vertices.mean(axis=0)
     np.testing.assert_allclose(placed.decode(z), away + place, atol=1e-9)
     np.testing.assert_allclose(solver.solve().vertices, placed.decode(z), atol=1e-4)
-    objective = solver.objective
-    x = 0.1 * np.random.default_rng(3).normal(size=objective.size)
+    energy = solver.energy
+    x = 0.1 * np.random.default_rng(3).normal(size=energy.size)
     p, dp = np.zeros((1, 3)), np.zeros((1, 3, K))
-    slope = objective.tangents(x, p, dp)[0]
-    for n in range(objective.size):
-        step = 1e-6 * (np.arange(objective.size) == n)
-        change = (objective.move(x + step, p) - objective.move(x - step, p))[0] / 2e-6
+    slope = energy.tangents(x, p, dp)[0]
+    for n in range(energy.size):
+        step = 1e-6 * (np.arange(energy.size) == n)
+        change = (energy.move(x + step, p) - energy.move(x - step, p))[0] / 2e-6
         np.testing.assert_allclose(slope[:, n], change, atol=1e-6)
 
 

@@ -59,7 +59,7 @@ class Handle:
 
 @dataclass(frozen=True)
 class Solution:
-    """What the solver has found: enough to show the same pose again, see HandleSolver.resume.
+    """What the solver has found: enough to show the same pose again, see HandleSolver.restore.
 
     Args:
         z: (K,) latent code.

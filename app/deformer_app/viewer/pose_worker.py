@@ -122,11 +122,11 @@ class PoseWorker:
         self._follow(edit)
         solver = self._solver
         if solution is not None:
-            return solver.resume(solution.z, solution.rotation, solution.translation)
+            return solver.restore(solution.z, solution.rotation, solution.translation)
         if not edit.handles:
-            return solver.resume(edit.base, np.zeros(3), np.zeros(3))
+            return solver.restore(edit.base, np.zeros(3), np.zeros(3))
         if fresh:
-            solver.resume(edit.base, np.zeros(3), np.zeros(3))
+            solver.restore(edit.base, np.zeros(3), np.zeros(3))
         return solver.solve(warm=True)
 
     def final_pose(self, edit: Edit) -> Pose:
@@ -137,9 +137,9 @@ class PoseWorker:
         """Tell the solver what has changed since the last edit."""
         last, self._edit = self._edit, None
         if last is None or last.base != edit.base:
-            self._solver.lean(on=edit.base)
+            self._solver.set_prior(mean=edit.base)
         if last is None or (last.noise, last.freedom) != (edit.noise, edit.freedom):
-            self._solver.lean(noise=edit.noise, freedom=edit.freedom)
+            self._solver.set_prior(noise=edit.noise, freedom=edit.freedom)
         if last is None or last.handles != edit.handles:
             vertices, targets, weights, hard = edit.arrays()
             self._solver.set_handles(vertices, targets, weights, hard)

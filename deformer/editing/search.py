@@ -1,0 +1,279 @@
+"""From handle targets to unknowns: several starts, one frame of a drag, and the exact minimum.
+
+The latent code is searched with the handle positions of a few landmark vertices; all vertices then
+tell the exact energy, and their derivative corrects the landmarks near the minimum.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from deformer.editing.energy import HandleEnergy
+from deformer.editing.green_functions import HandleBasis
+from deformer.editing.handle_positions import CorrectedHandlePositions, HandlePositions
+from deformer.editing.unknowns import MOTION, Unknowns
+from deformer.geometry import FloatArray, spread
+from deformer.model import LatentPrior
+
+# Cold solves try this many of the training codes (spread over the latent space), descend from the
+# mean and the most promising few, and finish the best ones exactly.
+_CANDIDATES = 32
+_STARTS = 3
+_START_STEPS = 40
+_FINISHED = 2
+# A frame of a drag: steps, the relative gain that ends them, and how far (relative, and in units
+# of the energy) the exact energy may lie above the one that the landmarks promised.
+_FRAME_STEPS = 4
+_FRAME_GAIN = 5e-2
+_PROMISE_TOLERANCE = 0.05
+# With unchanged targets, and to finish a cold solve: steps between two derivatives by all vertices,
+# the relative gain that ends them, and how often at most a cold solve takes that derivative.
+_FINAL_STEPS = 40
+_FINAL_GAIN = 1e-8
+_REFINEMENTS = 10
+# Shares of a refining step that are tried until one lowers the exact energy.
+_SHARES = (1.0, 0.3, 0.1, 0.03)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Unknowns with the exact handle positions and their energy.
+
+    Args:
+        x: (K+6,) unknowns.
+        p: (H, 3) handle positions by all vertices, relative to the shape's centroid.
+        energy: at x.
+    """
+
+    x: FloatArray
+    p: FloatArray
+    energy: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Correction:
+    """What landmarks leave out of the derivative (H, 3, K), measured at unknowns x (K+6,)."""
+
+    x: FloatArray
+    derivative: FloatArray
+
+
+@dataclass(eq=False)
+class _Cache:
+    """What one solve leaves for the next.
+
+    Args:
+        x: (K+6,) unknowns of the last solution.
+        state: the same with the positions of the current handles; None when handle vertices have
+            changed since.
+        decoded: the state whose deformation gradients the surface has.
+        correction: of the landmarks' derivative.
+        asked: targets and weights of the last solve.
+    """
+
+    x: FloatArray | None = None
+    state: State | None = None
+    decoded: State | None = None
+    correction: _Correction | None = None
+    asked: tuple[FloatArray, FloatArray] | None = None
+
+    def invalidate(self, *, vertices: bool = False) -> None:
+        """Forget what depends on the energy's form; with `vertices`, on the handles' vertices too.
+
+        The last solution's unknowns stay.
+        """
+        self.correction = self.asked = None
+        if vertices:
+            self.state = None
+
+
+class CodeSearch:
+    """Minimises a handle energy over the latent code and the rigid motion.
+
+    Args:
+        energy: without handles.
+        basis: of the model's handles; its surface holds the gradients of the last code decoded.
+        codes: (N, K) training codes, of which a cold search tries some.
+    """
+
+    def __init__(self, energy: HandleEnergy, basis: HandleBasis, codes: FloatArray) -> None:
+        """Choose the candidates; there is no solution yet."""
+        self.energy = energy
+        self._basis, self._codes = basis, codes
+        self._cache = _Cache()
+        self._candidates = self._choose_candidates()
+
+    def _choose_candidates(self) -> FloatArray:
+        """Whitened training codes (n, K), spread over the latent space."""
+        away = (self._codes - self.energy.prior.mean).T
+        white: FloatArray = np.asarray(np.linalg.solve(self.energy.factor, away).T, np.float64)
+        return white[spread(white, _CANDIDATES)]
+
+    @property
+    def solution(self) -> FloatArray | None:
+        """Unknowns (K+6,) of the last solution; None before any."""
+        return self._cache.x
+
+    def set_targets(self, targets: FloatArray, weights: FloatArray) -> None:
+        """Targets (H, 3) and weights (H,) of the basis's handles."""
+        self.energy = replace(self.energy, targets=targets, weights=weights)
+
+    def vertices_changed(self) -> None:
+        """To be called after the basis got other handle vertices."""
+        self._cache.invalidate(vertices=True)
+
+    def set_prior(self, energy: HandleEnergy, mean: FloatArray | None) -> None:
+        """Change the energy's parameters; the last solution keeps its code and rigid motion.
+
+        Args:
+            energy: the new one, without a change of its mean.
+            mean: (K,) of the prior, or None to leave it.
+        """
+        before, cache = self.energy, self._cache
+        self.energy = energy
+        if mean is not None:
+            self.energy = replace(energy, prior=LatentPrior(mean, before.prior.covariance))
+            self._candidates = self._choose_candidates()
+        cache.invalidate()
+        if cache.x is None:
+            return
+        last = Unknowns(cache.x)
+        cache.x = self.energy.unknowns(before.code(cache.x), last.rotation, last.translation)
+        if cache.state is not None:
+            p = cache.state.p
+            state = State(cache.x, p, self.energy.value(cache.x, p))
+            # The code is the same, so the surface's gradients are.
+            cache.decoded = state if cache.decoded is cache.state else None
+            cache.state = state
+
+    def evaluate(self, x: FloatArray) -> State:
+        """Decode all vertices at unknowns x (K+6,) for their exact energy."""
+        p = self._basis.surface.decode(self.energy.code(x))
+        state = State(x, p, self.energy.value(x, p))
+        self._cache.decoded = state
+        return state
+
+    def decode(self, state: State) -> None:
+        """Let the surface have the deformation gradients of a state."""
+        if self._cache.decoded is not state:
+            self._basis.surface.decode(self.energy.code(state.x))
+            self._cache.decoded = state
+
+    def restart(self, x: FloatArray) -> State:
+        """Make x (K+6,) the last solution, as if nothing had been solved before."""
+        self._cache.invalidate()
+        return self._keep(self.evaluate(x))
+
+    def _keep(self, state: State) -> State:
+        self._cache.x, self._cache.state = state.x, state
+        return state
+
+    def cold(self) -> tuple[State, int]:
+        """The best of several starts, whatever was solved before; and the steps taken.
+
+        The starts descend by landmarks; the two best are finished with all vertices.
+        """
+        cache = self._cache
+        self._targets_unchanged()
+        positions = self._basis.landmark_positions()
+        # Each kind of rigid motion is tried on its own: a descent that starts with one never
+        # switches to the other.
+        coarse = [
+            energy.descend(positions, x, _START_STEPS)
+            for energy in self.energy.by_rigid_term()
+            for x in self._starts(energy, positions)
+        ]
+        coarse.sort(key=lambda entry: entry[1])
+        steps = sum(entry[2] for entry in coarse)
+        finished = []
+        for x, _, _ in coarse[:_FINISHED]:
+            cache.correction = None
+            state = self.evaluate(x)
+            for _ in range(_REFINEMENTS):
+                before = state
+                state, more = self._refine(before)
+                steps += more
+                if state.energy > before.energy * (1.0 - _FINAL_GAIN):
+                    break
+            finished.append((state, cache.correction))
+        state, cache.correction = min(finished, key=lambda entry: entry[0].energy)
+        return self._keep(state), steps
+
+    def warm(self) -> tuple[State, int]:
+        """One frame from the last solution: descend by landmarks, then look at all vertices.
+
+        With the targets and weights of the last solve it goes on towards the exact minimum.
+
+        Returns:
+            The state, and the steps taken.
+
+        Raises:
+            ValueError: there is no last solution.
+        """
+        cache = self._cache
+        if cache.x is None:
+            raise ValueError("warm: there is no solution to start from; call cold first")
+        state = cache.state or self.evaluate(cache.x)
+        # The targets may have moved, and with them the energy of the last unknowns.
+        state = replace(state, energy=self.energy.value(state.x, state.p))
+        if self._targets_unchanged():
+            found, steps = self._refine(state)
+            return self._keep(found), steps
+        x, promised, steps = self._descend_by_landmarks(state, _FRAME_STEPS, _FRAME_GAIN)
+        found = self.evaluate(x)
+        if found.energy > promised + _PROMISE_TOLERANCE * (abs(promised) + 1.0):
+            better = found if found.energy < state.energy else state
+            x, _, more = self._descend_by_landmarks(better, _FRAME_STEPS, _FRAME_GAIN)
+            again, steps = self.evaluate(x), steps + more
+            found = min((again, found), key=lambda entry: entry.energy)
+        return self._keep(min((state, found), key=lambda entry: entry.energy)), steps
+
+    def _targets_unchanged(self) -> bool:
+        """True if the last solve was for these very targets and weights; notes the present ones."""
+        now = self.energy.targets, self.energy.weights
+        last, self._cache.asked = self._cache.asked, now
+        return last is not None and all(map(np.array_equal, last, now))
+
+    def _refine(self, state: State) -> tuple[State, int]:
+        """Towards the exact minimum: landmarks corrected by the derivative of all vertices."""
+        correction = self._cache.correction
+        if correction is None or not np.array_equal(correction.x, state.x):
+            z = self.energy.code(state.x)
+            exact, landmarks = self._basis.exact_positions(), self._basis.landmark_positions()
+            difference = exact.at(z).derivative() - landmarks.at(z).derivative()
+            self._cache.correction = _Correction(state.x, difference)
+        x, _, steps = self._descend_by_landmarks(state, _FINAL_STEPS, _FINAL_GAIN)
+        step = x - state.x
+        # Far from where the derivative was taken landmarks may promise too much: go less far.
+        for share in _SHARES if step.any() else ():
+            found = self.evaluate(state.x + share * step)
+            if found.energy < state.energy:
+                return found, steps
+        return state, steps
+
+    def _descend_by_landmarks(
+        self, state: State, steps: int, relative_gain: float
+    ) -> tuple[FloatArray, float, int]:
+        """Descend from a state with handle positions by landmarks, exact at the state."""
+        correction = self._cache.correction
+        positions = CorrectedHandlePositions(
+            self._basis.landmark_positions(), None if correction is None else correction.derivative
+        )
+        here = positions.match(self.energy.code(state.x), state.p)
+        return self.energy.descend(positions, state.x, steps, relative_gain, here)
+
+    def _starts(self, energy: HandleEnergy, positions: HandlePositions) -> list[FloatArray]:
+        """The prior's mean and the training codes that fit the handles best, rigidly moved."""
+        if len(self._basis.vertices) == 0:
+            return [np.zeros(energy.size)]
+        scored = []
+        for y in np.vstack([np.zeros((1, energy.components)), self._candidates]):
+            x = np.concatenate([y, np.zeros(MOTION)])
+            p = positions.at(energy.code(x)).positions
+            # Where shapes of the code are, or where the handles are.
+            moved = [(energy.value(at, p), at) for at in (x, energy.translated_to_targets(x, p))]
+            scored.append(min(moved, key=lambda entry: entry[0]))
+        others = sorted(scored[1:], key=lambda entry: entry[0])[:_STARTS]
+        return [scored[0][1], *(x for _, x in others)]
