@@ -1,7 +1,7 @@
 """From a latent code to all vertices within a frame.
 
-Single precision; vertices stand in the order of the Laplacian's elimination, so that neighbours
-are near in memory and nothing is permuted between decoding and solving. The decoder's matrix is
+Single precision. Vertices are in the order of the Laplacian's elimination, so that neighbours are
+near in memory and nothing is permuted between decoding and solving. The decoder's matrix is
 kept by blocks of 16 vertices, 16 bit a number, without the components that do not reach a block.
 """
 
@@ -53,12 +53,12 @@ def schur_inverse(block: FloatArray) -> FloatArray:
 class Surface:
     """All vertices of a model: decoded, solved for, and moved onto exact handles rigidly.
 
-    What the gradients T of a latent code rebuild is the shape x at rest. Exact handles deform it
-    as rigidly as possible (Sorkine & Alexa 2007): every vertex has a rotation R_i, which
-    a relaxation finds from its edges and which is kept from frame to frame. With e_i
-    = Σ_j ½ c_ij (R_i + R_j)(x_i − x_j), what L p = e lacks to the handles is spread by the rows
-    that they bring along: with Green's functions of L the edges are kept best, with smoother ones
-    (`PoissonSystem.bending_rows`) the bends, and handles leave no spikes.
+    The rest shape x is the reconstruction from the gradients T of a latent code. Exact handles
+    deform it as rigidly as possible (Sorkine and Alexa 2007): every vertex has a rotation R_i,
+    fitted to its edges and kept from frame to frame. The global step solves L p = e with
+    e_i = Σ_j ½ c_ij (R_i + R_j)(x_i − x_j), and moves p by a sum of the handles' rows so that exact
+    handles are at their targets. Green's functions of L as rows keep the edges best; the smoother
+    `PoissonSystem.bending_rows` keep the bends, and handles leave no spikes.
 
     Args:
         decoder: of all vertices.
@@ -85,12 +85,12 @@ class Surface:
         self._halves = (0.5 * weights.data).astype(np.float32)
         v = (system.reference.vertices[order] - system.centroid) / self._unit
         self._reference = v.astype(np.float32).ravel()
-        self._pack(decoder)
+        self._store_decoder(decoder)
         self._T = np.zeros(9 * len(self._padded), dtype=np.float32)
         self._x = np.zeros((V, 3), dtype=np.float32)
         self._rest = np.zeros((V, 3), dtype=np.float32)
         self._rested = False
-        self._unturned()
+        self._reset_rotations()
         self._relaxing: list[Future[None]] = []
         self._handles: IntArray = np.empty(0, dtype=np.int64)
         self._coefficients = np.empty((self._blocks, 0, VECTORS), dtype=np.float32)
@@ -102,13 +102,13 @@ class Surface:
         """A surface of the same model and handles with gradients and positions of its own."""
         other = copy.copy(self)
         other._T, other._x, other._rest = self._T.copy(), self._x.copy(), self._rest.copy()
-        other._unturned()
+        other._reset_rotations()
         other._relaxing = []
         other._exact, other._green = self._exact[:0], self._green[:0]
         return other
 
-    def _pack(self, decoder: Decoder) -> None:
-        """The decoder's matrix by blocks of vertices, 16 bit, without components that are zero."""
+    def _store_decoder(self, decoder: Decoder) -> None:
+        """Store the decoder's matrix by blocks, in 16 bit, without components that are zero."""
         K = decoder.components
         self._gain = np.repeat(decoder.gain, BLOCK).astype(np.float32)
         self._offset = np.repeat(decoder.offset, BLOCK).astype(np.float32)
@@ -145,14 +145,14 @@ class Surface:
         return blocks
 
     def take_handles(self, vertices: IntArray, blocked: list[NDArray]) -> None:
-        """The handles (H,) whose positions `decode` is to tell, by `block_coefficients`."""
+        """Set the handles (H,), by `block_coefficients`, whose positions `decode` returns."""
         self._coefficients = _with_room(self._coefficients, 1, len(vertices), len(self._handles))
         for h in _changed(self._handles, vertices):
             self._coefficients[:, h] = blocked[h]
         self._handles = vertices
 
     def take_exact(self, vertices: IntArray, rows: list[NDArray], block: FloatArray) -> None:
-        """The vertices (H,) that `meet` holds.
+        """Set the exact vertices (H,), which `meet` moves to targets.
 
         Args:
             vertices: (H,).
@@ -175,23 +175,23 @@ class Surface:
 
     @property
     def place(self) -> IntArray:
-        """Where each vertex (V,) stands in the order of elimination."""
+        """Index of each vertex (V,) in the order of elimination."""
         return self._factor.place
 
     def reset(self) -> None:
-        """Forget the rotations."""
+        """Set all rotations to the identity."""
         self._wait()
-        self._unturned()
+        self._reset_rotations()
 
-    def _unturned(self) -> None:
-        """Rotations that are none: quaternions by blocks, and their matrices."""
+    def _reset_rotations(self) -> None:
+        """Set all rotations to the identity: quaternions by blocks, and their matrices."""
         self._turned = False
         still = np.repeat(np.array([1, 0, 0, 0], dtype=np.float32), BLOCK)
         self._turn = np.tile(still, self._blocks)
         self._R = np.tile(np.eye(3, dtype=np.float32).ravel(), len(self._padded))
 
     def decode(self, z: FloatArray) -> FloatArray:
-        """Gradients of a latent code (K,); handle positions (H, 3) of its shape at rest.
+        """Gradients of a latent code (K,); handle positions (H, 3) of its rest shape.
 
         The positions are those of the free reconstruction, relative to its centroid.
         """
@@ -214,7 +214,7 @@ class Surface:
         return self._unit * sums.sum(axis=0).reshape(-1, 3, BLOCK).sum(axis=2)
 
     def sum_edges(self) -> None:
-        """Let the positions hold the right-hand side: of the gradients, or of the shape turned."""
+        """Write the right-hand side into the positions: of the gradients, or of the rotations."""
         self._wait()
         mesh = self._indptr, self._rings, self._halves
         shape = (self._rest.ravel(), self._R) if self._rested else (self._reference, self._T)
@@ -259,7 +259,7 @@ class Surface:
         return out
 
     def relax(self, steps: int) -> None:
-        """Local step: turn the shape at rest, vertex by vertex, so that it fits the positions.
+        """Local step: fit the rotations, vertex by vertex, to the edges of the positions.
 
         It goes on after the call returns; whatever needs it waits.
         """
@@ -278,7 +278,7 @@ class Surface:
 
     @property
     def bytes_of_a_frame(self) -> int:
-        """Bytes that one frame cannot do without: matrix, coefficients, mesh, factor, result."""
+        """Bytes that a frame reads and writes: matrix, coefficients, mesh, factor, result."""
         arrays = [self._coefficients[:, : len(self._handles)], self._green[: len(self._exact)]]
         arrays += [self._rings, self._halves, self._reference, self._T]
         if len(self._exact):
@@ -290,7 +290,7 @@ class Surface:
 
 
 def _changed(before: IntArray, now: IntArray) -> list[int]:
-    """Places whose vertex is another than before."""
+    """Indices at which the vertex differs from before."""
     return [h for h, v in enumerate(now.tolist()) if h >= len(before) or before[h] != v]
 
 
