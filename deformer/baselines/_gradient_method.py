@@ -32,7 +32,7 @@ from deformer.training import (
 # Root mean square strains that weigh as much as one standard deviation of the prior.
 NOISES = (0.003, 0.006, 0.012, 0.025)
 # Components learned to choose among them need not be finished.
-_ROUNDS_OF_A_TRIAL = 10
+_TRIAL_ROUNDS = 10
 
 
 class GradientMethod(ABC):
@@ -52,7 +52,7 @@ class GradientMethod(ABC):
         self._deformation: DataDrivenDeformation | None = None
         self.chosen_noise = 0.0
 
-    def _take(self, deformation: DataDrivenDeformation, noise: float) -> None:
+    def _set_deformation(self, deformation: DataDrivenDeformation, noise: float) -> None:
         """What was learned."""
         self._deformation, self.chosen_noise = deformation, noise
 
@@ -129,7 +129,7 @@ class GradientSplocsMethod(GradientMethod):
         poisson, geodesics = PoissonSystem(reference), Geodesics(reference)
         q = self._extract(shapes.vertices)
 
-        def learn(q: FloatArray, settings: LocalisedSettings) -> DataDrivenDeformation:
+        def fit_deformation(q: FloatArray, settings: LocalisedSettings) -> DataDrivenDeformation:
             gain, base = FeatureScaler.fit(q).gain, q.mean(axis=0)
             found = localised_components(
                 (q - base) / gain, geodesics.normalised_row, components, settings
@@ -138,12 +138,14 @@ class GradientSplocsMethod(GradientMethod):
             codes = space.project(q)
             return DataDrivenDeformation(space, fit_prior(codes), codes)
 
-        def trial(kept: IntArray) -> HandleFit:
-            rounds = min(self.settings.rounds, _ROUNDS_OF_A_TRIAL)
-            return fit_each_noise(learn(q[kept], replace(self.settings, rounds=rounds)).fit)
+        def train_on(indices: IntArray) -> HandleFit:
+            rounds = min(self.settings.rounds, _TRIAL_ROUNDS)
+            return fit_each_noise(
+                fit_deformation(q[indices], replace(self.settings, rounds=rounds)).fit
+            )
 
-        noise = self.noise or choose_noise(trial, shapes, geodesics, NOISES, seed)
-        self._take(learn(q, self.settings), noise)
+        noise = self.noise or choose_noise(train_on, shapes, geodesics, NOISES, seed)
+        self._set_deformation(fit_deformation(q, self.settings), noise)
         return self
 
     def _extractor_in_use(self) -> FeatureExtractor:

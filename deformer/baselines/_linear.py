@@ -24,7 +24,7 @@ _GROUPS = 4
 
 
 class LinearMethod(ABC):
-    """A method on positions whose decoder is linear; a subclass learns the basis.
+    """A method on positions whose decoder is linear; a subclass has `fit_basis`.
 
     Handles: codes minimise the squared distance to the targets plus a ridge times their squared
     length under the Gaussian of the training codes, whose covariance is shrunk towards its
@@ -40,7 +40,7 @@ class LinearMethod(ABC):
     _basis: LinearBasis | None = None
 
     @abstractmethod
-    def learn(
+    def fit_basis(
         self, vertices: FloatArray, reference: Mesh, components: int, seed: int
     ) -> LinearBasis:
         """Basis with K = `components` of shapes (N, V, 3); `reference` need not be among them."""
@@ -56,7 +56,7 @@ class LinearMethod(ABC):
         if len(shapes) < 2:
             raise InputError(f"shapes: expected at least 2 to learn from, got {len(shapes)}")
         self._shapes, self._seed = shapes, seed
-        self._basis = self.learn(shapes.vertices, shapes.mesh(0), components, seed)
+        self._basis = self.fit_basis(shapes.vertices, shapes.mesh(0), components, seed)
         self._regression: HandleRegression | None = None
         self._folds: list[HandleRegression] = []
         self._penalties: dict[tuple[int, ...], Penalty] = {}
@@ -112,6 +112,6 @@ class LinearMethod(ABC):
         regressions = []
         for g in range(group.max() + 1):
             training, held_out = V[group != g], V[group == g]
-            basis = self.learn(training, reference, len(self.basis.components), self._seed)
+            basis = self.fit_basis(training, reference, len(self.basis.components), self._seed)
             regressions.append(HandleRegression(basis, training, held_out))
         return regressions

@@ -76,7 +76,7 @@ class ClusteredPCA(LinearMethod):
             raise InputError(f"regions: expected at least 1, got {regions}")
         self._regions = regions
 
-    def learn(
+    def fit_basis(
         self, vertices: FloatArray, reference: Mesh, components: int, seed: int
     ) -> RegionBasis:
         """Basis of shapes (N, V, 3), cut along the reference; the seed starts the clustering."""

@@ -39,7 +39,7 @@ from deformer.training import (
 
 # Misfits of an edge's feature that weigh as much as one standard deviation of the prior.
 NOISES = (0.01, 0.03, 0.1)
-_ROUNDS_OF_A_TRIAL = 10
+_TRIAL_ROUNDS = 10
 
 
 class EdgeSplocs:
@@ -95,19 +95,21 @@ class EdgeSplocs:
             a, b = (geodesics.normalised_row(int(end)) for end in ends[edge])
             return 0.25 * (a + b)[ends].sum(axis=1)
 
-        def learn(kept: IntArray, settings: LocalisedSettings) -> EdgeDeformation:
-            base = features[kept].mean(axis=0)
-            found = localised_components(features[kept] - base, distances, components, settings)
+        def fit_deformation(indices: IntArray, settings: LocalisedSettings) -> EdgeDeformation:
+            base = features[indices].mean(axis=0)
+            found = localised_components(features[indices] - base, distances, components, settings)
             space = EdgeSpace(shell, poisson, base, found.components)
-            codes = space.project(features[kept])
-            return EdgeDeformation(space, fit_prior(codes), shapes.vertices[kept], codes)
+            codes = space.project(features[indices])
+            return EdgeDeformation(space, fit_prior(codes), shapes.vertices[indices], codes)
 
-        def trial(kept: IntArray) -> HandleFit:
-            rounds = min(self.settings.rounds, _ROUNDS_OF_A_TRIAL)
-            return fit_each_noise(learn(kept, replace(self.settings, rounds=rounds)).fit)
+        def train_on(indices: IntArray) -> HandleFit:
+            rounds = min(self.settings.rounds, _TRIAL_ROUNDS)
+            return fit_each_noise(
+                fit_deformation(indices, replace(self.settings, rounds=rounds)).fit
+            )
 
-        self.chosen_noise = self.noise or choose_noise(trial, shapes, geodesics, NOISES, seed)
-        self._deformation = learn(np.arange(len(shapes)), self.settings)
+        self.chosen_noise = self.noise or choose_noise(train_on, shapes, geodesics, NOISES, seed)
+        self._deformation = fit_deformation(np.arange(len(shapes)), self.settings)
         return self
 
     @property

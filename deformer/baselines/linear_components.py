@@ -80,12 +80,12 @@ class LinearComponents(GradientMethod):
         space = GradientSpace(model.poisson, acts.base, changes, model.scaler.gain)
         codes = space.project(q)
 
-        def trial(kept: IntArray) -> HandleFit:
-            prior = fit_prior(codes[kept])
-            return fit_each_noise(DataDrivenDeformation(space, prior, codes[kept]).fit)
+        def train_on(indices: IntArray) -> HandleFit:
+            prior = fit_prior(codes[indices])
+            return fit_each_noise(DataDrivenDeformation(space, prior, codes[indices]).fit)
 
-        noise = self.noise or choose_noise(trial, shapes, model.geodesics, NOISES, seed)
-        self._take(DataDrivenDeformation(space, fit_prior(codes), codes), noise)
+        noise = self.noise or choose_noise(train_on, shapes, model.geodesics, NOISES, seed)
+        self._set_deformation(DataDrivenDeformation(space, fit_prior(codes), codes), noise)
         return self
 
     def _extract(self, vertices: FloatArray) -> FloatArray:

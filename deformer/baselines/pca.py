@@ -22,7 +22,7 @@ class PCA(LinearMethod):
 
     name: ClassVar[str] = "PCA"
 
-    def learn(
+    def fit_basis(
         self, vertices: FloatArray, reference: Mesh, components: int, seed: int
     ) -> LinearBasis:
         """Basis of shapes (N, V, 3); neither the reference nor the seed matters."""

@@ -32,7 +32,7 @@ class SPLOCS(LinearMethod):
         """Keep the settings."""
         self._settings = settings or LocalisedSettings()
 
-    def learn(
+    def fit_basis(
         self, vertices: FloatArray, reference: Mesh, components: int, seed: int
     ) -> LinearBasis:
         """Basis of shapes (N, V, 3); nothing is random."""

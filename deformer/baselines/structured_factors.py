@@ -50,7 +50,7 @@ class StructuredFactors(LinearMethod):
             raise InputError(f"iterations: expected at least 1, got {iterations}")
         self._strength, self._iterations = strength, iterations
 
-    def learn(
+    def fit_basis(
         self, vertices: FloatArray, reference: Mesh, components: int, seed: int
     ) -> LinearBasis:
         """Basis of shapes (N, V, 3); the seed draws the coordinates that the factors start from."""
