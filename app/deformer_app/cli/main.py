@@ -321,22 +321,21 @@ def edit(
     when the window is closed.
     """
     from deformer import InputError
-    from deformer_app.viewer.model_files import first_model
 
-    first, saved = first_model(model, session)
     if plain:
+        from deformer_app.viewer.model_files import first_model
         from deformer_app.viewer.plain import PlainWindow
 
-        edited = PlainWindow(first, saved, session).run()
+        edited = PlainWindow(*first_model(model, session), session).run()
     else:
         try:
-            from deformer_app.viewer.qt.window import run_window
+            from deformer_app.viewer.qt.start import run_editor
         except ImportError as error:
             raise InputError(
                 f'edit: the window needs Qt ({error}); pip install "deformer[app]", or add --plain'
             ) from error
-        edited = run_window(first, saved, session)
-    if as_json:
+        edited = run_editor(model, session)
+    if as_json and edited is not None:
         console.emit(edited.summary())
 
 

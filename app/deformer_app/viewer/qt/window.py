@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QByteArray, QObject, Qt, QTimer, Signal
-from PySide6.QtGui import QCloseEvent, QFont, QKeySequence, QShortcut
+from PySide6.QtGui import QCloseEvent, QKeySequence, QShortcut
 from PySide6.QtWidgets import (
-    QApplication,
     QDockWidget,
     QLabel,
     QMainWindow,
@@ -416,19 +415,3 @@ class Window(QMainWindow):
             event.accept()
         else:
             event.ignore()
-
-
-def run_window(model: str, session: Session | None, file: Path | None) -> Session:
-    """Show the window until it is closed; the session."""
-    app = QApplication.instance() or QApplication(sys.argv[:1])
-    app.setApplicationName("Deformer")
-    app.setStyle("Fusion")  # pyright: ignore[reportAttributeAccessIssue]
-    font = QFont()
-    font.setPointSizeF(max(font.pointSizeF(), 9.5))
-    app.setFont(font)  # pyright: ignore[reportAttributeAccessIssue]
-    window = Window(Settings())
-    window.show()
-    QTimer.singleShot(0, lambda: window.begin(model, session, file))
-    sys.excepthook = window.unexpected
-    app.exec()
-    return window.editor.session
