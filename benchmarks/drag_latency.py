@@ -24,18 +24,18 @@ from rich.table import Table
 from scipy.spatial import KDTree
 
 import deformer
-from deformer.editing import HandleEnergy, HandleSolver, Surface
+from deformer.editing import DecodedSurface, HandleEnergy, HandleSolver
 from deformer.geometry import align
 from deformer.linalg import SparseCholesky, over_ranges
 from deformer.model.latent_prior import fit_prior
 
 STAGES = {
     "search by landmarks": (HandleEnergy, "descend"),
-    "decode all vertices": (Surface, "decode"),
-    "right-hand side": (Surface, "sum_edges"),
+    "decode all vertices": (DecodedSurface, "decode"),
+    "right-hand side": (DecodedSurface, "write_rhs"),
     "back-substitution": (SparseCholesky, "solve_in_order"),
-    "exact handles": (Surface, "meet"),
-    "positions out": (Surface, "positions"),
+    "exact handles": (DecodedSurface, "move_to_targets"),
+    "positions out": (DecodedSurface, "positions"),
 }
 
 

@@ -1,6 +1,6 @@
 from . import batch_torch as batch_torch, posterior as posterior
 from .arap import (
-    Surface as Surface,
+    DecodedSurface as DecodedSurface,
     schur_inverse as schur_inverse,
 )
 from .energy import (

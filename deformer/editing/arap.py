@@ -50,7 +50,7 @@ def schur_inverse(block: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.pinv(system, rcond=1e-13), dtype=np.float64)
 
 
-class Surface:
+class DecodedSurface:
     """All vertices of a model: decoded, solved for, and moved onto exact handles rigidly.
 
     The rest shape x is the reconstruction from the gradients T of a latent code. Exact handles
@@ -98,7 +98,7 @@ class Surface:
         self._green = np.empty((0, V), dtype=np.float32)
         self._exact_inverse = np.zeros((1, 1))
 
-    def twin(self) -> Surface:
+    def copy(self) -> DecodedSurface:
         """A surface of the same model and handles with gradients and positions of its own."""
         other = copy.copy(self)
         other._T, other._x, other._rest = self._T.copy(), self._x.copy(), self._rest.copy()
@@ -144,15 +144,15 @@ class Surface:
         )
         return blocks
 
-    def take_handles(self, vertices: IntArray, blocked: list[NDArray]) -> None:
+    def set_handles_by_block(self, vertices: IntArray, blocked: list[NDArray]) -> None:
         """Set the handles (H,), by `block_coefficients`, whose positions `decode` returns."""
         self._coefficients = _with_room(self._coefficients, 1, len(vertices), len(self._handles))
         for h in _changed(self._handles, vertices):
             self._coefficients[:, h] = blocked[h]
         self._handles = vertices
 
-    def take_exact(self, vertices: IntArray, rows: list[NDArray], block: FloatArray) -> None:
-        """Set the exact vertices (H,), which `meet` moves to targets.
+    def set_exact(self, vertices: IntArray, rows: list[NDArray], block: FloatArray) -> None:
+        """Set the exact vertices (H,), which `move_to_targets` moves to targets.
 
         Args:
             vertices: (H,).
@@ -213,7 +213,7 @@ class Surface:
             run_calls(gradients_and_positions, calls)
         return self._unit * sums.sum(axis=0).reshape(-1, 3, BLOCK).sum(axis=2)
 
-    def sum_edges(self) -> None:
+    def write_rhs(self) -> None:
         """Write the right-hand side into the positions: of the gradients, or of the rotations."""
         self._wait()
         mesh = self._indptr, self._rings, self._halves
@@ -232,10 +232,10 @@ class Surface:
             self._x[:] = self._rest
 
     def _solve_sums(self) -> None:
-        self.sum_edges()
+        self.write_rhs()
         self._factor.solve_in_order(self._x)
 
-    def meet(self, targets: FloatArray) -> None:
+    def move_to_targets(self, targets: FloatArray) -> None:
         """Move the positions by the smallest change that brings exact handles to targets (H, 3).
 
         See `schur_inverse`. Without exact handles the centroid goes to the origin.

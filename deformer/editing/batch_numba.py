@@ -91,7 +91,7 @@ class NumbaFrames:
         out = np.empty((len(z), self._count, 3))
 
         def some(part: range) -> None:
-            surface = self._basis.surface.twin()
+            surface = self._basis.surface.copy()
             for m in part:
                 out[m] = surface.decode(z[m])
 
@@ -112,19 +112,19 @@ class NumbaFrames:
         vertices, basis = self._basis.vertices, self._basis
 
         def some(part: range) -> None:
-            surface = basis.surface.twin()
-            surface.take_handles(np.empty(0, dtype=np.int64), [])
+            surface = basis.surface.copy()
+            surface.set_handles_by_block(np.empty(0, dtype=np.int64), [])
             for m in part:
                 targets = (goals[m, held[m]] - origin[m]) @ Q[m]
                 basis.set_exact(vertices[held[m]], surface)
                 surface.reset()
                 surface.decode(z[m])
                 surface.solve()
-                surface.meet(targets)
+                surface.move_to_targets(targets)
                 for n in range(rounds if held[m].any() else 0):
                     surface.relax(TURNS if n else FIRST_TURNS)
                     surface.solve()
-                    surface.meet(targets)
+                    surface.move_to_targets(targets)
                 out[m] = surface.positions(Q[m], origin[m])
                 out[m, vertices[held[m]]] = goals[m, held[m]]
 

@@ -222,7 +222,7 @@ def rhs(T: Tensor, start: Tensor, end: Tensor, edges: Tensor) -> Tensor:
 
 
 def _met(p: Tensor, index: Tensor, green: Tensor, inverse: Tensor, targets: Tensor) -> Tensor:
-    """Positions (m, V, 3) moved until exact handles are at their targets: `Surface.meet`."""
+    """Positions (m, V, 3) with exact handles at targets: see `DecodedSurface.move_to_targets`."""
     if len(index) == 0:
         return p - p.mean(dim=1, keepdim=True)
     misfit = torch.nn.functional.pad(targets - p[:, index], (0, 0, 0, 1))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deformer.editing.arap import Surface
+from deformer.editing.arap import DecodedSurface
 from deformer.editing.cubature import Grouping, choose_landmarks
 from deformer.editing.handle_kernels import BlockDecoder, BlockHandlePositions
 from deformer.editing.handle_positions import DenseHandlePositions, HandlePositions
@@ -28,7 +28,7 @@ class _VertexRows:
     Args:
         green: (V,) Green's function G_h = L⁺ e_h.
         landmark_coefficients: (S, 3).
-        block_coefficients: as `Surface.block_coefficients` gives them.
+        block_coefficients: as `DecodedSurface.block_coefficients` gives them.
     """
 
     green: FloatArray
@@ -48,7 +48,7 @@ class HandleBasis:
         self.model = model
         # Factored now, and not when the first handle is made exact.
         _ = model.poisson.tensed
-        self.surface = Surface(model.decoder, model.poisson)
+        self.surface = DecodedSurface(model.decoder, model.poisson)
         landmarks, labels = choose_landmarks(
             model.decoder, model.prior.factor, model.reference.vertices, _LANDMARKS
         )
@@ -60,7 +60,7 @@ class HandleBasis:
         pointwise = self.landmark_decoder.pointwise
         self._landmark_blocks = BlockDecoder(self.landmark_decoder) if pointwise else None
         self._rows: dict[int, _VertexRows] = {}
-        # Bending rows of vertices that were exact once, also in the order of `Surface.ordered`.
+        # Bending rows of vertices that were exact once, also by `DecodedSurface.ordered`.
         self._bending_rows: dict[int, tuple[FloatArray, NDArray]] = {}
         self.vertices: IntArray = np.empty(0, dtype=np.int64)
         self._exact_positions: DenseHandlePositions | None = None
@@ -89,18 +89,20 @@ class HandleBasis:
         rows = [self._rows[v] for v in vertices]
         by_landmark = np.array([entry.landmark_coefficients for entry in rows])
         self.landmark_coefficients = by_landmark.reshape(len(rows), self._grouping.count, 3)
-        self.surface.take_handles(self.vertices, [entry.block_coefficients for entry in rows])
+        self.surface.set_handles_by_block(
+            self.vertices, [entry.block_coefficients for entry in rows]
+        )
 
     def green_rows(self, vertices: IntArray) -> FloatArray:
         """Green rows (n, V) of handle vertices (n,)."""
         rows = [self._rows[v].green for v in vertices.tolist()]
         return np.array(rows).reshape(len(rows), len(self.model.reference.vertices))
 
-    def set_exact(self, vertices: IntArray, surface: Surface | None = None) -> None:
+    def set_exact(self, vertices: IntArray, surface: DecodedSurface | None = None) -> None:
         """Make the handle vertices (n,) exact on a surface: the basis's own, or a copy of it."""
         block = self.bending_rows(vertices)[:, vertices]
         rows = [self._bending_rows[v][1] for v in vertices.tolist()]
-        (surface or self.surface).take_exact(vertices, rows, block)
+        (surface or self.surface).set_exact(vertices, rows, block)
 
     def bending_rows(self, vertices: IntArray) -> FloatArray:
         """Rows (n, V) by which handle vertices (n,) move the rest when they are exact."""

@@ -305,7 +305,7 @@ class HandleSolver:
         self._search.decode(state)
         surface.solve()
         # In the frame of the model: the rigid motion is taken off the targets.
-        surface.meet(energy.move_back(state.x, self._exact_targets))
+        surface.move_to_targets(energy.move_back(state.x, self._exact_targets))
         vertices = surface.positions(*energy.rigid_motion(state.x))
         # Rounding leaves a difference; exact means exact.
         vertices[self._exact] = self._exact_targets

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from deformer.acap.features import FeatureExtractor, features_to_gradients
 from deformer.acap.poisson import PoissonSystem
-from deformer.editing.arap import Surface, schur_inverse
+from deformer.editing.arap import DecodedSurface, schur_inverse
 from deformer.editing.kernels import fit_step
 from deformer.geometry.mesh import Mesh, MeshSequence
 from deformer.geometry.rotations import log_to_rotation, polar
@@ -39,7 +39,7 @@ def decoder_of(mesh, vertices):
 def prepare(mesh, rest, count=5, seed=0):
     """Surface in the pose `rest` with exact handles; the handle vertices and the system."""
     system = PoissonSystem(mesh)
-    surface = Surface(decoder_of(mesh, rest), system)
+    surface = DecodedSurface(decoder_of(mesh, rest), system)
     vertices = np.sort(np.random.default_rng(seed).choice(len(rest), count, replace=False))
     hold(surface, vertices, system)
     surface.decode(np.zeros(2))
@@ -48,12 +48,12 @@ def prepare(mesh, rest, count=5, seed=0):
 
 def hold(surface, vertices, system):
     rows = system.green_rows(vertices)
-    surface.take_exact(vertices, [surface.ordered(row) for row in rows], rows[:, vertices])
+    surface.set_exact(vertices, [surface.ordered(row) for row in rows], rows[:, vertices])
 
 
 def solve(surface, targets):
     surface.solve()
-    surface.meet(targets)
+    surface.move_to_targets(targets)
     return surface.positions(*NOWHERE)
 
 
@@ -96,10 +96,10 @@ def test_decoded_gradients_and_positions(name):
     q[0, :3] = 0.0
     q[1, :3] = [0, 0, np.pi]
     q[2, :3] = [0, 40.0, 0]
-    surface = Surface(Given(q), system)
+    surface = DecodedSurface(Given(q), system)
     vertices = np.array([1, V // 2, V - 1])
     coefficients = system.position_coefficients(system.green_rows(vertices))
-    surface.take_handles(vertices, [surface.block_coefficients(a) for a in coefficients])
+    surface.set_handles_by_block(vertices, [surface.block_coefficients(a) for a in coefficients])
     T = features_to_gradients(q)
     found = surface.decode(np.zeros(2))
     np.testing.assert_allclose(
@@ -109,11 +109,11 @@ def test_decoded_gradients_and_positions(name):
     size = np.abs(expected).max()
     np.testing.assert_allclose(found, expected[vertices], atol=1e-5 * size)
     surface.solve()
-    surface.meet(np.zeros((0, 3)))
+    surface.move_to_targets(np.zeros((0, 3)))
     np.testing.assert_allclose(surface.positions(*NOWHERE), expected, atol=2e-5 * size)
     R = random_rotation(np.random.default_rng(1), 1.0)
     surface.solve()
-    surface.meet(np.zeros((0, 3)))
+    surface.move_to_targets(np.zeros((0, 3)))
     moved = surface.positions(R, np.array([1.0, 2, 3]))
     np.testing.assert_allclose(moved, expected @ R.T + [1, 2, 3], atol=2e-5 * size)
 
@@ -194,7 +194,7 @@ def test_a_rigid_motion_of_all_vertices(name, unit):
     R = random_rotation(np.random.default_rng(2), 2.5)
     goal = mesh.vertices @ R.T + unit
     system = PoissonSystem(mesh)
-    surface = Surface(decoder_of(mesh, mesh.vertices), system)
+    surface = DecodedSurface(decoder_of(mesh, mesh.vertices), system)
     vertices = np.arange(len(goal))
     hold(surface, vertices, system)
     surface.decode(np.zeros(2))
