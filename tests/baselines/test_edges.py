@@ -209,7 +209,7 @@ def test_gradient_of_the_handle_energy_is_its_derivative():
     h = 1e-6
     for _ in range(3):
         d = rng.normal(size=len(gradient))
-        found = (fit.moved(h * d).value - fit.moved(-h * d).value) / (2 * h)
+        found = (fit.moved(h * d).energy - fit.moved(-h * d).energy) / (2 * h)
         np.testing.assert_allclose(gradient @ d, found, rtol=1e-5)
 
 
