@@ -16,7 +16,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.linalg.lapack import dpotrf, dtrtri
+from scipy.linalg.lapack import (
+    dpotrf,  # pyright: ignore[reportAttributeAccessIssue]  f2py has no stubs
+    dtrtri,  # pyright: ignore[reportAttributeAccessIssue]
+)
 
 from deformer.geometry import FloatArray, IntArray
 from deformer.linalg.nested_dissection import Dissection, dissect

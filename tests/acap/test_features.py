@@ -9,11 +9,11 @@ from hypothesis import given, settings, strategies as st
 from deformer import e_rms, extract_features, load_shapes, reconstruct
 from deformer.acap.features import (
     FeatureExtractor,
-    FeatureScaler,
     extract_all,
     features_to_gradients,
 )
 from deformer.acap.poisson import PoissonSystem
+from deformer.acap.scaler import FeatureScaler
 from deformer.errors import InputError
 from deformer.geometry.mesh import Mesh, MeshSequence, connected_components, edges
 from deformer.geometry.rotations import log_to_rotation
