@@ -21,7 +21,7 @@ from rich.console import Console
 from rich.table import Table
 
 from deformer.acap import FeatureExtractor, FeatureScaler, extract_all
-from deformer.analysis import SUPPORTED, Activations
+from deformer.analysis import SUPPORT_THRESHOLD, Activations
 from deformer.editing import HandleSolver
 from deformer.geometry import edges, farthest_points
 from deformer.io import load_shapes
@@ -65,10 +65,10 @@ def locality(weights, geodesics):
     """Mean and 90th percentile over components in use: share of vertices, and geodesic extent."""
     used = weights[weights.max(axis=1) > 0.0]
     used = used / used.max(axis=1, keepdims=True)
-    share = 100.0 * (used >= SUPPORTED).mean(axis=1)
+    share = 100.0 * (used >= SUPPORT_THRESHOLD).mean(axis=1)
     extent = []
     for row in used:
-        away = geodesics.normalised_row(int(row.argmax()))[row >= SUPPORTED]
+        away = geodesics.normalised_row(int(row.argmax()))[row >= SUPPORT_THRESHOLD]
         extent.append(100.0 * away[np.isfinite(away)].max())
     numbers = [f(x) for x in (share, extent) for f in (np.mean, lambda x: np.quantile(x, 0.9))]
     return [str(len(used)), *(f"{number:.1f}" for number in numbers)]

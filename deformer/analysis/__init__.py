@@ -1,4 +1,4 @@
-"""What a model has learned, and what can be made of it without handles.
+"""Analysis of a model's components, and new shapes from them: synthesis and interpolation.
 
 The names that other packages may use are listed in `__init__.pyi`; each is loaded when it is
 first asked for.

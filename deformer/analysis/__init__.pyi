@@ -3,7 +3,7 @@ from .activations import (
     Familiarity as Familiarity,
 )
 from .components import (
-    SUPPORTED as SUPPORTED,
+    SUPPORT_THRESHOLD as SUPPORT_THRESHOLD,
     Component as Component,
     ComponentAnalysis as ComponentAnalysis,
 )

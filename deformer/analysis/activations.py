@@ -1,4 +1,4 @@
-"""What latent components do to the mesh, how far the examples use them, how usual a code is."""
+"""Activations of latent components in the examples, and distances of codes from the examples."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ class Activations:
     """Extremes, strength and support of a model's components.
 
     Tan et al. 2018, component analysis (in section "Applications"): with the reference's latent
-    code Z_r, component k is taken to its least and to its greatest value over the training codes.
-    Of the two decoded shapes, the one whose features lie farther from the reference's represents
-    the component. The reference is compared as it is decoded, so that a component without effect
-    has the strength 0.
+    code Z_r, entry k is set to its least and to its greatest value over the training codes. Of the
+    two decoded shapes, the one whose features are farther from the reference's represents
+    component k. The reference is compared as it is decoded, so that a component without effect has
+    the strength 0.
 
     Args:
         model: the prior.
@@ -40,19 +40,23 @@ class Activations:
         self.high: FloatArray = model.codes.max(axis=0)
         self.reference: FloatArray = model.encode(model.reference.vertices)
         self.base: FloatArray = model.decoder.features(self.reference)
-        ends = np.stack([self.low, self.high])
-        reach = np.empty_like(ends)
+        bounds = np.stack([self.low, self.high])
+        distances = np.empty_like(bounds)
         for k in range(model.components):
             for e in range(2):
-                reach[e, k] = np.linalg.norm(self._scaled(self._moved(k, ends[e, k])))
-        farther = reach.argmax(axis=0)
+                change = self._feature_change(k, bounds[e, k])
+                distances[e, k] = np.linalg.norm(self._scaled(change))
+        farther = distances.argmax(axis=0)
         columns = np.arange(model.components)
-        self.extreme: FloatArray = ends[farther, columns]
-        self.strength: FloatArray = reach[farther, columns]
+        self.extreme: FloatArray = bounds[farther, columns]
+        self.strength: FloatArray = distances[farther, columns]
         self.order: IntArray = np.argsort(-self.strength, kind="stable")
 
     def representative(self, component: int) -> FloatArray:
         """Latent code (K,) of the shape that represents a component.
+
+        Args:
+            component: index k, from 0.
 
         Raises:
             InputError: no such component.
@@ -63,16 +67,22 @@ class Activations:
         return z
 
     def change(self, component: int) -> FloatArray:
-        """Features (V, 9) of the representative shape less those of the reference.
+        """Difference (V, 9) of the representative shape's features from the reference's.
+
+        Args:
+            component: index k, from 0.
 
         Raises:
             InputError: no such component.
         """
         self._check(component)
-        return self._moved(component, float(self.extreme[component]))
+        return self._feature_change(component, float(self.extreme[component]))
 
     def displacement(self, component: int) -> FloatArray:
-        """Length (V,) of the change of every vertex's features, in the network's units.
+        """Length (V,) of every vertex's row of `change`, in the network's units (scaled features).
+
+        Args:
+            component: index k, from 0.
 
         Raises:
             InputError: no such component.
@@ -80,7 +90,10 @@ class Activations:
         return np.linalg.norm(self._scaled(self.change(component)), axis=1)
 
     def support(self, component: int) -> FloatArray:
-        """Weights ‖C_k^i‖ (V,) of a component at every vertex, the largest being 1.
+        """Weights ‖C_k^i‖ (V,) of a component at every vertex i, the largest being 1.
+
+        Args:
+            component: index k, from 0.
 
         Raises:
             InputError: no such component.
@@ -89,8 +102,8 @@ class Activations:
         weights = np.linalg.norm(self._weights[:, :, component], axis=1)
         return weights.astype(np.float64) / (float(weights.max()) or 1.0)
 
-    def _moved(self, component: int, value: float) -> FloatArray:
-        """Change (V, 9) of the reference's features when one entry of its code has a value."""
+    def _feature_change(self, component: int, value: float) -> FloatArray:
+        """Change (V, 9) of the reference's features when entry k of its code becomes `value`."""
         z = self.reference.copy()
         z[component] = value
         return self._model.decoder.features(z) - self.base
@@ -105,10 +118,11 @@ class Activations:
 
 
 class Familiarity:
-    """How far latent codes are from those of the examples.
+    """Distances of latent codes from the training codes.
 
-    The unit is what the examples themselves keep from each other: the distance (Mahalanobis, by
-    the prior's covariance) within which 95 % of the training codes have their nearest neighbour.
+    They are Mahalanobis distances by the prior's covariance. The unit is the distance within which
+    95 % of the training codes have their nearest neighbour: a code within 1 is as near to an
+    example as examples are to each other.
 
     Args:
         model: the prior with its training codes.
@@ -122,11 +136,11 @@ class Familiarity:
         self._unit = float(np.quantile(gaps, 0.95)) or 1.0
 
     def distance(self, z: ArrayLike) -> float:
-        """Distance from a latent code (K,) to the nearest training code; up to 1 is usual."""
+        """Distance from a latent code z (K,) to the nearest training code; up to 1 is usual."""
         return self.nearest(z)[1]
 
     def nearest(self, z: ArrayLike) -> tuple[int, float]:
-        """Row of the training code nearest to a latent code (K,), and its distance."""
+        """Row in `codes` of the training code nearest to a latent code z (K,), and its distance."""
         y = self._whitened(np.asarray(z, dtype=np.float64)[None])[0]
         distances = self._distances(y)
         row = int(distances.argmin())

@@ -1,4 +1,4 @@
-"""Component analysis: what each latent component of a model does, where, and with which others."""
+"""Component analysis: the effect of each latent component, where it acts, and its correlations."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from deformer.errors import InputError
 from deformer.geometry import FloatArray, Mesh, vertex_errors
 from deformer.model import DeformationModel
 
-# A component acts where its weights are at least this share of its largest.
-SUPPORTED = 0.1
+# A component's support: the vertices with weights of at least this share of its largest.
+SUPPORT_THRESHOLD = 0.1
 
 
 @dataclass(frozen=True)
 class Component:
-    """What is known of one component.
+    """Measures of one component.
 
     Args:
         index: k, the entry of the latent code.
         label: its name, or "component 3".
         strength: distance of its representative shape's features from the reference's, in the
             network's units; see `Activations`.
-        motion: largest distance of a vertex of the representative shape from the reference as it
-            is decoded, in the data's own units.
-        low, high, reference, extreme: least and greatest activation among the training codes, that
-            of the reference, and that of the representative shape.
-        centre: vertex with the largest weights.
-        support: vertices with at least a tenth of them.
-        extent: greatest geodesic distance from the centre to one of those, as a share of the
-            mesh's own extent; vertices that no path leads to are left out.
-        partner: component whose activations go most with this one's over the training codes, and
-            −1 where there is none.
-        sharing: their correlation, −1 to 1.
+        motion: largest distance of a vertex of the representative shape from the decoded
+            reference, in the data's own units.
+        low, high, reference, extreme: activations: the least and the greatest among the training
+            codes, the reference's, and the representative shape's.
+        centre: vertex with the largest weight.
+        support: number of vertices with at least a tenth of the largest weight.
+        extent: greatest geodesic distance from the centre to a vertex of the support, as a share
+            of the mesh's extent; other connected components do not count.
+        partner: component whose activations correlate most with this one's over the training
+            codes, in magnitude; −1 if no other component's do.
+        sharing: the correlation with `partner`, −1 to 1; 0 without one.
         users: training shapes whose activation is farthest from the reference's, the farthest
             first: indices into the shapes that the model was trained from.
     """
@@ -57,11 +57,11 @@ class Component:
 
 
 class ComponentAnalysis:
-    """All components of a model, measured when they are asked for.
+    """Measures of all components of a model, each computed on first use.
 
     Args:
         model: the prior.
-        users: how many training shapes to name for each component.
+        users: number of training shapes in `Component.users`.
 
     Attributes:
         activations: extremes, strengths and supports.
@@ -81,15 +81,22 @@ class ComponentAnalysis:
     @cached_property
     def sharing(self) -> FloatArray:
         """Correlations (K, K) of activations over the training codes; 0 where one never changes."""
-        return activation_sharing(self.model.codes)
+        return activation_correlations(self.model.codes)
 
     @cached_property
     def rest(self) -> Mesh:
-        """The reference as it is decoded, from which motions are measured."""
+        """The decoded reference, from which motions are measured."""
         return self._mesh(self.activations.reference)
 
     def shape(self, component: int) -> Mesh:
-        """The representative shape of a component."""
+        """The representative shape of a component.
+
+        Args:
+            component: index k, from 0.
+
+        Raises:
+            InputError: no such component.
+        """
         return self._mesh(self.activations.representative(component))
 
     def ranked(self, count: int | None = None) -> list[Component]:
@@ -97,34 +104,37 @@ class ComponentAnalysis:
         return [self.describe(int(k)) for k in self.activations.order[:count]]
 
     def describe(self, component: int) -> Component:
-        """What is known of one component.
+        """Measures of one component.
+
+        Args:
+            component: index k, from 0.
 
         Raises:
             InputError: no such component.
         """
-        k, acts, model = component, self.activations, self.model
-        weights = acts.support(k)
+        k, activations, model = component, self.activations, self.model
+        weights = activations.support(k)
         centre = int(weights.argmax())
-        acting = np.flatnonzero(weights >= SUPPORTED)
-        away = model.geodesics.normalised_row(centre)[acting]
-        shared = np.abs(self.sharing[k])
-        shared[k] = 0.0
-        partner = int(shared.argmax()) if shared.any() else -1
-        use = np.abs(model.codes[:, k] - acts.reference[k])
-        farthest = np.argsort(-use, kind="stable")[: self._users]
-        moved = vertex_errors(self.rest.vertices, self.shape(k).vertices)
+        support = np.flatnonzero(weights >= SUPPORT_THRESHOLD)
+        distances = model.geodesics.normalised_row(centre)[support]
+        correlation = np.abs(self.sharing[k])
+        correlation[k] = 0.0
+        partner = int(correlation.argmax()) if correlation.any() else -1
+        difference = np.abs(model.codes[:, k] - activations.reference[k])
+        farthest = np.argsort(-difference, kind="stable")[: self._users]
+        motion = vertex_errors(self.rest.vertices, self.shape(k).vertices)
         return Component(
             index=k,
             label=model.label(k),
-            strength=float(acts.strength[k]),
-            motion=float(moved.max()),
-            low=float(acts.low[k]),
-            high=float(acts.high[k]),
-            reference=float(acts.reference[k]),
-            extreme=float(acts.extreme[k]),
+            strength=float(activations.strength[k]),
+            motion=float(motion.max()),
+            low=float(activations.low[k]),
+            high=float(activations.high[k]),
+            reference=float(activations.reference[k]),
+            extreme=float(activations.extreme[k]),
             centre=centre,
-            support=len(acting),
-            extent=float(away[np.isfinite(away)].max()),
+            support=len(support),
+            extent=float(distances[np.isfinite(distances)].max()),
             partner=partner,
             sharing=float(self.sharing[k, partner]) if partner >= 0 else 0.0,
             users=tuple(int(model.split["train"][row]) for row in farthest),
@@ -134,11 +144,11 @@ class ComponentAnalysis:
         return Mesh(self.model.decode(z), self.model.reference.faces)
 
 
-def activation_sharing(codes: FloatArray) -> FloatArray:
+def activation_correlations(codes: FloatArray) -> FloatArray:
     """Correlations (K, K) of the columns of latent codes (N, K); 0 where one never changes."""
-    away = codes - codes.mean(axis=0)
-    length = np.linalg.norm(away, axis=0)
-    # What is left of a constant by rounding is no change.
+    deviation = codes - codes.mean(axis=0)
+    length = np.linalg.norm(deviation, axis=0)
+    # A constant column may differ from its mean by rounding; it still counts as constant.
     changes = length > 1e-9 * np.linalg.norm(codes)
-    unit = np.divide(away, length, out=np.zeros_like(away), where=changes)
+    unit = np.divide(deviation, length, out=np.zeros_like(deviation), where=changes)
     return unit.T @ unit

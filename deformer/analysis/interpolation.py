@@ -1,7 +1,7 @@
-"""Shapes between shapes: along latent codes, along features, and straight, to compare.
+"""Interpolation between key shapes: of latent codes, of features, and linear, for comparison.
 
-A straight line between two poses shortens what turns between them; a turn by half a circle
-collapses it. Codes and features hold rotations as angles and keep lengths.
+Linear interpolation of positions shrinks the parts that rotate, to a line at half a turn. Codes and
+features represent rotations by angles, and interpolating them preserves lengths.
 """
 
 from __future__ import annotations
@@ -27,11 +27,12 @@ from deformer.model import DeformationModel
 
 @dataclass(frozen=True, eq=False)
 class ShapePath:
-    """A path of n shapes through M keys.
+    """A path of n shapes through M key shapes.
 
     Args:
         vertices: (n, V, 3) the shapes.
-        keys: (M, V, 3) what this way makes of the keys: on the path at whole times.
+        keys: (M, V, 3) the path's shapes at the times 0 … M − 1: the keys, as the interpolation
+            reproduces them.
         times: (n,) from 0 at the first key to M − 1 at the last.
         faces: (F, 3) of all shapes.
     """
@@ -42,20 +43,20 @@ class ShapePath:
     faces: IntArray
 
     def edge_ratios(self) -> FloatArray:
-        """Lengths (n, E) of every edge over what is between those at the two nearest keys.
+        """Edge lengths (n, E), divided by the lengths interpolated between the neighbouring keys.
 
-        1 is an edge that grows or shrinks evenly from one key to the next; below 1 it is shorter
-        than that on the way. Edges of no length at the keys count as 1.
+        1 is an edge whose length changes linearly from one key to the next, less than 1 an edge
+        that is shorter than that. Edges without length at the keys count as 1.
         """
         pairs = edges(self.faces)
-        expected = _between(_edge_lengths(self.keys, pairs), self.times)
-        found = _edge_lengths(self.vertices, pairs)
-        return np.divide(found, expected, out=np.ones_like(found), where=expected > 0)
+        expected = _interpolated(_edge_lengths(self.keys, pairs), self.times)
+        lengths = _edge_lengths(self.vertices, pairs)
+        return np.divide(lengths, expected, out=np.ones_like(lengths), where=expected > 0)
 
     def length_ratios(self) -> FloatArray:
-        """Sum (n,) of all edge lengths over what is between those sums at the two nearest keys."""
+        """Sum (n,) of all edge lengths, divided by the sum interpolated between the keys."""
         pairs = edges(self.faces)
-        expected = _between(_edge_lengths(self.keys, pairs), self.times).sum(axis=1)
+        expected = _interpolated(_edge_lengths(self.keys, pairs), self.times).sum(axis=1)
         return _edge_lengths(self.vertices, pairs).sum(axis=1) / expected
 
 
@@ -66,12 +67,12 @@ def interpolate(
 
     Args:
         model: the prior; the shapes have its connectivity.
-        keys: (M, V, 3) two shapes or more.
-        steps: pictures from one key to the next, both counted: n = (M − 1)(steps − 1) + 1.
-        way: "latent" goes straight from code to code, through what the model makes of the keys.
-            "features" goes from rotation vectors and stretches to others and needs no training;
-            the keys stay as they are, and the body as a whole turns evenly by the shorter way.
-            "linear" goes straight from vertex to vertex.
+        keys: (M, V, 3) the key shapes, M ≥ 2, in the reference's units.
+        steps: shapes from one key to the next, both included: n = (M − 1)(steps − 1) + 1.
+        way: "latent" interpolates the keys' codes; the path passes through the decoded keys.
+            "features" interpolates rotation vectors and stretches, which depend on no training and
+            reproduce the keys exactly; the whole body's rotation is interpolated along the
+            shorter arc. "linear" interpolates vertex positions.
 
     Raises:
         InputError: fewer than two keys, of another connectivity, fewer than two steps, or an
@@ -85,45 +86,45 @@ def interpolate(
     if steps < 2:
         raise InputError(f"steps: expected at least 2, got {steps}")
     times = np.linspace(0.0, len(shapes) - 1.0, (len(shapes) - 1) * (steps - 1) + 1)
-    whole = np.arange(len(shapes), dtype=np.float64)
     if way == "linear":
-        along = _between(shapes, times)
+        path = _interpolated(shapes, times)
         at_keys = shapes
     else:
-        posed = _along_codes if way == "latent" else _along_features
-        # The keys' shapes are decoded with the path's: they are on it.
-        found = posed(model, shapes, np.concatenate([times, whole]))
-        found += _between(shapes.mean(axis=1), np.concatenate([times, whole]))[:, None]
-        along, at_keys = found[: len(times)], found[len(times) :]
-    return ShapePath(along, at_keys, times, model.reference.faces)
+        centred_shapes = _from_codes if way == "latent" else _from_features
+        # The shapes at the keys come from the same interpolation: they are on the path.
+        all_times = np.concatenate([times, np.arange(len(shapes), dtype=np.float64)])
+        p = centred_shapes(model, shapes, all_times)
+        p += _interpolated(shapes.mean(axis=1), all_times)[:, None]
+        path, at_keys = p[: len(times)], p[len(times) :]
+    return ShapePath(path, at_keys, times, model.reference.faces)
 
 
-def _along_codes(model: DeformationModel, keys: FloatArray, times: FloatArray) -> FloatArray:
-    """Centred shapes (n, V, 3) of codes between the keys' codes."""
-    p = model.decode(_between(model.encode(keys), times))
+def _from_codes(model: DeformationModel, keys: FloatArray, times: FloatArray) -> FloatArray:
+    """Centred shapes (n, V, 3) of codes interpolated between the keys'."""
+    p = model.decode(_interpolated(model.encode(keys), times))
     return p - p.mean(axis=1, keepdims=True)
 
 
-def _along_features(model: DeformationModel, keys: FloatArray, times: FloatArray) -> FloatArray:
-    """Centred shapes (n, V, 3) of features between the keys', the turn of the whole set apart.
+def _from_features(model: DeformationModel, keys: FloatArray, times: FloatArray) -> FloatArray:
+    """Centred shapes (n, V, 3) of features interpolated between the keys'.
 
-    Features tell rotations apart by more than one turn over a mesh, but not which way the mesh as
-    a whole has turned.
+    The rotation of the whole body is interpolated on its own: features represent rotations of
+    several turns of one part against another, but a rotation of all parts only up to whole turns.
     """
     reference = model.reference.vertices
-    turns = np.stack([procrustes(reference, key)[0] for key in keys])
+    rotations = np.stack([procrustes(reference, key)[0] for key in keys])
     centred = keys - keys.mean(axis=1, keepdims=True)
-    q = extract_all(model.extractor, centred @ turns)
-    p = model.poisson.reconstruct(_between(q, times))
+    q = extract_all(model.extractor, centred @ rotations)
+    p = model.poisson.reconstruct(_interpolated(q, times))
     p -= p.mean(axis=1, keepdims=True)
     first = np.minimum(times.astype(np.int64), len(keys) - 2)
-    angles = rotation_to_log(np.swapaxes(turns[:-1], 1, 2) @ turns[1:])
-    turned = turns[first] @ log_to_rotation((times - first)[:, None] * angles[first])
-    return p @ np.swapaxes(turned, 1, 2)
+    logs = rotation_to_log(np.swapaxes(rotations[:-1], 1, 2) @ rotations[1:])
+    R = rotations[first] @ log_to_rotation((times - first)[:, None] * logs[first])
+    return p @ np.swapaxes(R, 1, 2)
 
 
-def _between(values: FloatArray, times: FloatArray) -> FloatArray:
-    """Piecewise linear between values (M, …) at times 0 … M − 1."""
+def _interpolated(values: FloatArray, times: FloatArray) -> FloatArray:
+    """Piecewise linear interpolation at times (n,) of values (M, …) given at 0 … M − 1."""
     first = np.minimum(times.astype(np.int64), len(values) - 2)
     share = (times - first).reshape(-1, *[1] * (values.ndim - 1))
     return (1.0 - share) * values[first] + share * values[first + 1]

@@ -1,4 +1,4 @@
-"""New shapes from components: weighted, swept, drawn from the prior, carried to another model."""
+"""New shapes: from weights of components, drawn from the prior, transferred to another model."""
 
 from __future__ import annotations
 
@@ -16,22 +16,23 @@ from deformer.model import DeformationModel
 Way = Literal["latent", "features", "linear"]
 WAYS: tuple[Way, ...] = ("latent", "features", "linear")
 
-# By component: its index or its name. (A mapping's keys are invariant: plain ints would not do.)
+# Component (its index or its name) → weight. The keys are Any, since Mapping is invariant in its
+# keys: a dict[int, float] is no Mapping[int | str, float].
 Weights = Mapping[Any, float]
 
 
 class Synthesis:
-    """Shapes by a weight for each component (Tan et al. 2018, equation 9).
+    """New shapes from a weight for each component (Tan et al. 2018, equation 9).
 
-    Entry k of the code is z_k = start_k + w_k (Z_k,h − Z_k,r): weight 0 leaves the start, weight 1
-    from the reference is the component's representative shape.
+    Entry k of the code is z_k = start_k + w_k (Z_k,h − Z_k,r). Weight 0 leaves the start as it is;
+    with the reference as start, weight 1 gives the component's representative shape.
 
     Args:
         model: the prior.
         start: (K,) code of the shape to start from; None is the reference's.
 
     Raises:
-        InputError: the start is no code of the model.
+        InputError: `start` is not (K,) or not finite.
     """
 
     def __init__(self, model: DeformationModel, start: ArrayLike | None = None) -> None:
@@ -46,7 +47,10 @@ class Synthesis:
             )
 
     def code(self, weights: Weights) -> FloatArray:
-        """Latent code (K,) of weights by component: its index or its name.
+        """Latent code (K,) of weights of components.
+
+        Args:
+            weights: component (index or name) → weight w_k; the others have the weight 0.
 
         Raises:
             InputError: no such component, one given twice (by index and by name), a weight that is
@@ -57,13 +61,13 @@ class Synthesis:
         return self.start + self._vector(weights) * span
 
     def shape(self, weights: Weights, way: Way = "latent") -> FloatArray:
-        """Vertices (V, 3) of weights by component.
+        """Vertices (V, 3) of weights of components.
 
         Args:
-            weights: by index or name.
-            way: "latent" decodes the code. The others are linear counterparts, for comparison:
-                they add up w_k times the change from the reference to each representative shape,
-                of "features", or of vertices ("linear").
+            weights: component (index or name) → weight w_k.
+            way: "latent" decodes the code. "features" and "linear" are linear counterparts, for
+                comparison: they add w_k times the difference of each representative shape from
+                the reference, in features or in vertex positions.
 
         Raises:
             InputError: as `code`, or an unknown way.
@@ -91,11 +95,21 @@ class Synthesis:
         weights: Weights | None = None,
         way: Way = "latent",
     ) -> FloatArray:
-        """Vertices (n, V, 3) as one component's weight takes values (n,), the others held."""
+        """Vertices (n, V, 3) for n weights of one component, with the other weights fixed.
+
+        Args:
+            component: index or name of the component.
+            values: (n,) its weights.
+            weights: component (index or name) → weight of the others; None is 0 for all.
+            way: as in `shape`.
+
+        Raises:
+            InputError: as `shape`.
+        """
         k = self.model.component(component)
-        held = {self.model.component(key): w for key, w in (weights or {}).items()}
+        fixed = {self.model.component(key): w for key, w in (weights or {}).items()}
         steps = np.atleast_1d(np.asarray(values, dtype=np.float64))
-        return np.stack([self.shape({**held, k: float(w)}, way) for w in steps])
+        return np.stack([self.shape({**fixed, k: float(w)}, way) for w in steps])
 
     def _vector(self, weights: Weights) -> FloatArray:
         w = np.zeros(self.model.components)
@@ -113,17 +127,17 @@ class Synthesis:
 def draw_codes(
     model: DeformationModel, count: int, seed: int = 0, bound: float = 1.0
 ) -> FloatArray:
-    """Random plausible latent codes (count, K).
+    """Random latent codes (count, K) from the Gaussian prior, near the examples.
 
-    Drawn from the Gaussian prior. One that is farther than `bound` from every training code is
-    moved towards the nearest until it is as far as that.
+    A draw that is farther than `bound` from every training code is moved straight towards the
+    nearest one, up to that distance.
 
     Args:
         model: the prior.
-        count: how many.
+        count: number of codes.
         seed: of the random generator.
-        bound: greatest `Familiarity.distance`: 1 is as far as examples are from each other, 0
-            gives training codes.
+        bound: greatest `Familiarity.distance` of a code: 1 is as far as examples are from each
+            other, 0 gives training codes.
 
     Raises:
         InputError: `count` or `bound` is negative.
@@ -148,36 +162,38 @@ def check_way(way: str) -> None:
 
 
 def transfer(source: DeformationModel, target: DeformationModel, z: ArrayLike) -> FloatArray:
-    """The deformation that a code of one model decodes to, of another model's reference.
+    """Reference of one model, deformed as a code of another model deforms that model's reference.
 
     Args:
         source: model of the code.
-        target: model of the same connectivity. Its reference should stand as the source's does:
-            what is carried over is the change from the reference.
+        target: model of the same connectivity, whose reference is deformed. Both references should
+            be in the same pose, since the deformation relative to the reference is transferred.
         z: (K,) code of `source`.
 
     Returns:
-        Vertices (V, 3), as far from the target's reference, in its size, as the source's from its
-        own. Whether the target's examples do anything like it is not asked; `transfer_code` does.
+        Vertices (V, 3) in the target's units; the centroid's offset is scaled by the ratio of the
+        bounding diagonals. The target's prior has no influence; `transfer_code` respects it.
 
     Raises:
         InputError: the connectivities differ, or z is no code of `source`.
     """
-    p = target.poisson.reconstruct(_carried(source, target, z))
+    p = target.poisson.reconstruct(_source_features(source, target, z))
     size = target.reference.bounding_diagonal / source.reference.bounding_diagonal
     return p + size * source.centroid_offset(np.asarray(z, dtype=np.float64))
 
 
 def transfer_code(source: DeformationModel, target: DeformationModel, z: ArrayLike) -> FloatArray:
-    """The code (K',) by which the target encodes the deformation that a source's code decodes to.
+    """Code (K',) with which `target` encodes the deformation of a code of `source`.
 
     Arguments and errors are those of `transfer`.
     """
-    return target.encoder.encode(_carried(source, target, z)[None])[0]
+    return target.encoder.encode(_source_features(source, target, z)[None])[0]
 
 
-def _carried(source: DeformationModel, target: DeformationModel, z: ArrayLike) -> FloatArray:
-    """Features (V, 9) of a source's code, once it is known that the target can take them."""
+def _source_features(
+    source: DeformationModel, target: DeformationModel, z: ArrayLike
+) -> FloatArray:
+    """Features (V, 9) of a code of `source`, after a check that the connectivities agree."""
     code = np.asarray(z, dtype=np.float64)
     if code.shape != (source.components,):
         raise InputError(f"z: expected ({source.components},), got {code.shape}")

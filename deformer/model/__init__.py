@@ -1,4 +1,4 @@
-"""The trained prior: the model itself, its files, and the statistics that it was given.
+"""The trained model: its files, and the priors of codes, rigid motions and bends.
 
 The names that other packages may use are listed in `__init__.pyi`; each is loaded when it is
 first asked for.

@@ -1,9 +1,9 @@
 """Limits of the rotation between neighbouring parts: a knee bends one way only.
 
-A Gaussian prior is the same on both sides of its mean: a bend that no example shows costs no more
-than one that all of them show. So sample vertices are spread over the surface, the rotation between
-each and its neighbours (to first order a linear function of the code) is measured, and a fit pays
-for bends beyond the range of the examples.
+A Gaussian prior is symmetric about its mean: it penalises a bend in a direction that no example
+shows no more than one in the opposite direction that all examples show. Bend limits therefore
+measure the rotation between neighbouring sample vertices, to first order a linear function of the
+code, and a fit penalises bends outside the range of the examples.
 """
 
 from __future__ import annotations
@@ -19,22 +19,21 @@ if TYPE_CHECKING:
     from deformer.geometry import Geodesics
     from deformer.network import Decoder
 
-# Sample vertices, and the nearest others that each is compared with.
+# Number of sample vertices, and of nearest samples that each is compared with.
 SAMPLES = 96
 _NEIGHBOURS = 6
-# A bend this far beyond the examples costs as much as one standard deviation of the prior: a factor
-# on the bend's own deviation among the examples, and the least slack (rad).
-_SLACK, _LEAST = 1.0, 0.02
+# The slack of a bend: a factor on its standard deviation among the examples, and the least (rad).
+_SLACK_FACTOR, _LEAST_SLACK = 1.0, 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class BendLimits:
-    """Bends D z of a code z, in radians, and their range among the examples.
+    """Range of the M bends D z of codes z among the examples.
 
     Args:
-        directions: D (M, K), derivative of the bends with respect to the code.
-        low, high: (M,) range among the examples.
-        slack: (M,) excess that costs as much as one standard deviation of the prior.
+        directions: D (M, K), derivative of the bends with respect to the code, radians.
+        low, high: (M,) least and greatest bend among the examples, radians.
+        slack: (M,) excess that costs as much as one standard deviation of the prior, radians.
     """
 
     directions: FloatArray
@@ -43,7 +42,7 @@ class BendLimits:
     slack: FloatArray
 
     def excess(self, z: FloatArray) -> FloatArray:
-        """Excess (..., M) of the bends of codes (..., K) over their range, in slacks; 0 inside."""
+        """Excess (..., M) of the bends of codes z (..., K) over the range, in slacks; 0 inside."""
         bends = z @ self.directions.T
         return np.asarray((bends - np.clip(bends, self.low, self.high)) / self.slack)
 
@@ -55,34 +54,42 @@ class BendLimits:
 
 
 def choose_samples(geodesics: Geodesics, count: int = SAMPLES) -> tuple[IntArray, IntArray]:
-    """Vertices (n,) that spread over the mesh, and pairs (m, 2) of neighbours among them."""
+    """Sample vertices spread over the mesh, and pairs of neighbours among them.
+
+    Args:
+        geodesics: distances over the mesh of V vertices.
+        count: number of samples, unless V is less.
+
+    Returns:
+        Vertices (n,), and pairs (m, 2) of indices into them.
+    """
     from deformer.geometry import farthest_points
 
     samples = farthest_points(geodesics, min(count, len(geodesics.mesh.vertices)), 0)
-    apart = np.array([geodesics.row(int(v))[samples] for v in samples])
-    np.fill_diagonal(apart, np.inf)
-    near = np.argsort(apart, axis=1, kind="stable")[:, :_NEIGHBOURS]
+    distances = np.array([geodesics.row(int(v))[samples] for v in samples])
+    np.fill_diagonal(distances, np.inf)
+    near = np.argsort(distances, axis=1, kind="stable")[:, :_NEIGHBOURS]
     first = np.repeat(np.arange(len(samples)), near.shape[1])
-    joined = np.isfinite(apart[first, near.ravel()])
-    pairs = np.sort(np.stack([first, near.ravel()], axis=1)[joined], axis=1)
+    connected = np.isfinite(distances[first, near.ravel()])
+    pairs = np.sort(np.stack([first, near.ravel()], axis=1)[connected], axis=1)
     return samples, np.unique(pairs, axis=0)
 
 
 def fit_bend_limits(
     decoder: Decoder, pairs: IntArray, mean: FloatArray, codes: FloatArray
 ) -> BendLimits:
-    """Limits by the range of bends among the examples.
+    """Bend limits from the range of bends among the examples.
 
     Args:
         decoder: restricted to the n sample vertices.
-        pairs: (m, 2) pairs of samples to compare.
+        pairs: (m, 2) pairs of samples, whose M = 3 m differences of rotation vectors are the bends.
         mean: (K,) code about which bends are linearised.
         codes: (N, K) of the examples and, if the model learned from them, of their mirror images.
     """
     _, dq = decoder.differential(mean)
-    turns = dq[:, :, :3]
-    bends = turns[:, pairs[:, 0]] - turns[:, pairs[:, 1]]
-    directions = np.ascontiguousarray(bends.reshape(len(bends), -1).T)
-    shown = codes @ directions.T
-    slack = np.hypot(_SLACK * shown.std(axis=0), _LEAST)
-    return BendLimits(directions, shown.min(axis=0), shown.max(axis=0), slack)
+    dr = dq[:, :, :3]
+    differences = dr[:, pairs[:, 0]] - dr[:, pairs[:, 1]]
+    directions = np.ascontiguousarray(differences.reshape(len(differences), -1).T)
+    bends = codes @ directions.T
+    slack = np.hypot(_SLACK_FACTOR * bends.std(axis=0), _LEAST_SLACK)
+    return BendLimits(directions, bends.min(axis=0), bends.max(axis=0), slack)

@@ -8,7 +8,7 @@ from deformer.errors import InputError
 
 
 def check_names(names: Mapping[int, str], components: int) -> dict[int, str]:
-    """Names sorted by component, without surrounding blanks.
+    """Check names of components; gives them sorted by component, without surrounding blanks.
 
     Args:
         names: component → name.
@@ -37,14 +37,19 @@ def check_names(names: Mapping[int, str], components: int) -> dict[int, str]:
 
 
 def find_component(key: int | str, names: Mapping[int, str], components: int) -> int:
-    """Index of a component given by its index, as a number or as text, or by its name.
+    """Index of the component with a name or an index.
+
+    Args:
+        key: a name, or an index as a number or as text.
+        names: component → name.
+        components: K.
 
     Raises:
-        InputError: there is none.
+        InputError: no component has that name or index.
     """
-    found = {name: k for k, name in names.items()}.get(str(key).strip())
-    if found is not None:
-        return found
+    named = {name: k for k, name in names.items()}.get(str(key).strip())
+    if named is not None:
+        return named
     try:
         k = int(key)
     except ValueError:

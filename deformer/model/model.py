@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from deformer.geometry import Geodesics
     from deformer.network import Decoder, Encoder
 
-# What computes is imported by the property that makes it: numba, which all of it needs, takes as
-# long to import as all else, and `deformer info` computes nothing.
+# Modules that need numba, whose import takes as long as all others together, are imported by the
+# properties that use them: `deformer info` computes nothing and never loads it.
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,21 +36,22 @@ class DeformationModel:
 
     Args:
         reference: the undeformed mesh of V vertices; all shapes share its connectivity.
-        config: what the model was trained with.
+        config: configuration of the training.
         scaler: linear scaling of features.
-        weights: of the trained network.
+        weights: weights of the trained network.
         codes: (N, K) latent codes of the training shapes.
         prior: mean and full covariance of the codes.
         split: {"train": indices, "test": indices} into the shapes it was trained from.
         summary: facts about the training, for people (JSON values).
-        rigid_prior: where training shapes are as a whole; None if that is not known.
-        component_names: component → name, of those that people have named.
+        rigid_prior: centroids and rigid motions of training shapes, given their codes; None if
+            unknown.
+        component_names: component → name, for the components that have one.
         handle_noise: σ of handle fits (`HandleSolver`), in bounding diagonals.
-        bend_limits: how far neighbouring parts bend against each other in the training shapes;
-            None if that is not known.
+        bend_limits: range of the bends between neighbouring parts in the training shapes; None if
+            unknown.
 
     Raises:
-        InputError: names that `check_names` refuses.
+        InputError: names that `check_names` rejects.
     """
 
     reference: Mesh
@@ -78,27 +79,30 @@ class DeformationModel:
             names: component → name; an empty name removes the component's.
 
         Raises:
-            InputError: names that `check_names` refuses.
+            InputError: names that `check_names` rejects.
         """
         merged = {**self.component_names, **names}
         kept = {k: name for k, name in merged.items() if name.strip()}
         return replace(self, component_names=kept)
 
     def component(self, key: int | str) -> int:
-        """Index of the component with a name, or with an index (a number, or one as text).
+        """Index of the component with a name or an index.
+
+        Args:
+            key: a name, or an index as a number or as text.
 
         Raises:
-            InputError: there is none.
+            InputError: no component has that name or index.
         """
         return find_component(key, self.component_names, self.components)
 
     def label(self, component: int) -> str:
-        """What people read for a component: its name, or "component 3"."""
+        """Display name of a component: its name, or "component 3"."""
         return self.component_names.get(component, f"component {component}")
 
     @property
     def components(self) -> int:
-        """Dimensions K of the latent code."""
+        """Dimension K of the latent code."""
         return self.config.components
 
     @property
@@ -113,7 +117,7 @@ class DeformationModel:
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 of all that decides a pose: reference, network, scaling and statistics."""
+        """SHA-256 of all that poses depend on: reference, network, scaling and statistics."""
         digest = hashlib.sha256()
         scaler = self.scaler
         bounds = [scaler.r_min, scaler.r_max, scaler.s_min, scaler.s_max]
@@ -171,7 +175,7 @@ class DeformationModel:
 
     @cached_property
     def encoder(self) -> Encoder:
-        """The encoder that the configuration names."""
+        """The encoder by projection or by the network, as the configuration says."""
         from deformer.network import Encoder
 
         projection = self.decoder if self.config.projects else None
@@ -200,8 +204,8 @@ class DeformationModel:
         """Latent codes whose decoded shapes are closest to the given ones.
 
         Minimises Σ_i ‖p_i(z) − q_i‖² over all vertices, centroids aligned, by damped
-        Gauss–Newton from the encoder's code, with a faint pull to the prior for components that
-        the shape does not determine.
+        Gauss–Newton from the encoder's code. The prior has a small weight, for components that the
+        shape does not determine.
 
         Args:
             vertices: (V, 3) or (N, V, 3), in the reference's units.
@@ -220,8 +224,8 @@ class DeformationModel:
     def decode(self, z: ArrayLike) -> FloatArray:
         """Shapes of latent codes.
 
-        Their centroids are where those of training shapes of such codes are; without a
-        `rigid_prior`, at the reference's.
+        Their centroids are those that the `rigid_prior` predicts from the codes; without one, the
+        reference's.
 
         Args:
             z: (K,) or (N, K).
@@ -247,20 +251,20 @@ class DeformationModel:
         return self.poisson.reconstruct(self.decoder.features(z))
 
     def tangents(self, z: FloatArray) -> FloatArray:
-        """Derivative (K, 3V) of the decoded positions by the latent code z (K,), centroid fixed."""
+        """Derivative (K, 3V) of decoded positions by the latent code z (K,), centroid fixed."""
         from deformer.model.whole_shapes import tangents
 
         return tangents(self, z)
 
     def centroid_offset(self, z: FloatArray) -> FloatArray:
-        """Centroids (..., 3) of shapes of codes (..., K), relative to the reference's centroid."""
+        """Offsets (..., 3) of decoded centroids from the reference's, for codes z (..., K)."""
         if self.rigid_prior is None:
             return np.zeros((*z.shape[:-1], 3))
         return self.reference.bounding_diagonal * self.rigid_prior.centroid(z)
 
     def save(self, path: str | Path) -> None:
         """Write the model as a directory; see `save_model`."""
-        # Storage imports this class, so it cannot be imported before it.
+        # `storage` imports this module; an import of it at the top would be a cycle.
         from deformer.model.storage import save_model
 
         save_model(self, path)

@@ -29,7 +29,11 @@ _FILES = ("model.json", "reference.ply", "weights.safetensors")
 
 
 def save_model(model: DeformationModel, path: str | Path) -> None:
-    """Write the model as a directory; an older model there is replaced, anything else is not.
+    """Write a model as a directory, replacing a model that is already there.
+
+    Args:
+        model: the model.
+        path: the directory; its parent must exist.
 
     Raises:
         InputError: the directory holds other files, or its parent does not exist.
@@ -83,7 +87,7 @@ def save_names(path: str | Path, names: Mapping[int, str]) -> DeformationModel:
         The model with its names.
 
     Raises:
-        InputError: no such model, a shipped one, or names that `check_names` refuses.
+        InputError: no such model, a shipped one, or names that `check_names` rejects.
     """
     if not Path(path).is_dir() and str(path) in shipped_models():
         raise InputError(f"{path}: a shipped model keeps its names; save a copy under another one")
@@ -104,6 +108,9 @@ def shipped_models() -> list[str]:
 
 def load_model(path: str | Path) -> DeformationModel:
     """Read a model from its directory, or a shipped model by its name.
+
+    Args:
+        path: the directory, or the name.
 
     Raises:
         InputError: no such model, a missing or altered file, another format version, or a
@@ -144,7 +151,7 @@ def load_model(path: str | Path) -> DeformationModel:
 
 
 def _assemble(folder: Path, data: dict[str, Any]) -> DeformationModel:
-    """The model of a folder with the description `data`, once its files are what they were."""
+    """The model of a folder with the description `data`, after its checksums are verified."""
     for name, digest in data["sha256"].items():
         found = _digest_of_description(data) if name == "model.json" else _digest(folder / name)
         if found != digest:

@@ -1,4 +1,4 @@
-"""Latent codes of whole shapes, of which all vertices are given."""
+"""Latent codes of shapes whose vertices are all given: encoding and fitting."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from deformer.model.model import DeformationModel
 
 # Latent components whose tangents are solved for at once: bounds memory.
 _TANGENT_BATCH = 10
-# The descent of `fit_shapes`: its damping, and the relative gain of a step that ends it.
+# The descent of `fit_shapes`: its damping, and the relative gain of a step below which it ends.
 _DAMPING = Damping(initial=1e-4, up=10.0, down=10.0, floor=1e-8, ceiling=1e6)
 _GAIN = 1e-5
 
@@ -44,45 +44,46 @@ def fit_shapes(model: DeformationModel, vertices: ArrayLike, iterations: int) ->
 def _fit_shape(
     model: DeformationModel, target: FloatArray, z: FloatArray, iterations: int
 ) -> FloatArray:
-    """Code (K,) of the shape `target` (V, 3), from a code z near it."""
-    goal = target - target.mean(axis=0) + model.poisson.centroid
+    """Code (K,) of the shape `target` (V, 3), by a descent from the code z (K,)."""
+    centred = target - target.mean(axis=0) + model.poisson.centroid
     precision: FloatArray = np.asarray(np.linalg.inv(model.prior.covariance), dtype=np.float64)
-    # One thousandth of the bounding diagonal of residual a vertex weighs as much as one
-    # standard deviation of the prior weighs in all.
-    pull = (1e-3 * model.reference.bounding_diagonal) ** 2 * precision
-    found = descend(
-        _Point(model, goal, pull, z),
+    # A residual of a thousandth of the bounding diagonal at one vertex costs as much as one
+    # standard deviation of the code.
+    weight = (1e-3 * model.reference.bounding_diagonal) ** 2 * precision
+    descent = descend(
+        _Point(model, centred, weight, z),
         steps=iterations,
         relative_gain=_GAIN,
         damping=_DAMPING,
     )
-    return found.point.z
+    return descent.point.z
 
 
 class _Point:
-    """A code z (K,), with the energy ‖p(z) − goal‖² + (z − μ)ᵀ pull (z − μ)."""
+    """A code z (K,), with the energy ‖p(z) − target‖² + (z − μ)ᵀ weight (z − μ)."""
 
     def __init__(
-        self, model: DeformationModel, goal: FloatArray, pull: FloatArray, z: FloatArray
+        self, model: DeformationModel, target: FloatArray, weight: FloatArray, z: FloatArray
     ) -> None:
         """Evaluate the energy."""
-        self._model, self._goal, self._pull, self.z = model, goal, pull, z
-        self._residual = model.decode_centred(z) - goal
-        self._away = z - model.prior.mean
-        self.energy = float((self._residual**2).sum() + self._away @ pull @ self._away)
+        self._model, self._target, self._weight, self.z = model, target, weight, z
+        self._residual = model.decode_centred(z) - target
+        self._deviation = z - model.prior.mean
+        prior_energy = self._deviation @ weight @ self._deviation
+        self.energy = float((self._residual**2).sum() + prior_energy)
         self._equations: tuple[FloatArray, FloatArray] | None = None
 
     def step(self, damping: float) -> FloatArray:
         """Damped Gauss–Newton step (K,)."""
         if self._equations is None:
             J = tangents(self._model, self.z)
-            gradient = J @ self._residual.ravel() + self._pull @ self._away
-            self._equations = J @ J.T + self._pull, gradient
+            gradient = J @ self._residual.ravel() + self._weight @ self._deviation
+            self._equations = J @ J.T + self._weight, gradient
         return damped_step(*self._equations, damping)
 
     def moved(self, step: FloatArray) -> _Point:
         """The code that a step leads to."""
-        return _Point(self._model, self._goal, self._pull, self.z + step)
+        return _Point(self._model, self._target, self._weight, self.z + step)
 
 
 def tangents(model: DeformationModel, z: FloatArray) -> FloatArray:
