@@ -1,4 +1,4 @@
-"""Whole-file reads, and writes that either finish or leave what was there before."""
+"""Whole-file reads, and writes that either finish or leave the old contents untouched."""
 
 from __future__ import annotations
 
@@ -15,7 +15,11 @@ PathLike = str | os.PathLike[str]
 
 
 def read_bytes(path: Path) -> bytes:
-    """Contents of a file that must not be empty; InputError where it cannot be read."""
+    """Contents of a file.
+
+    Raises:
+        InputError: the file is missing, not readable or empty.
+    """
     try:
         data = path.read_bytes()
     except FileNotFoundError:
@@ -27,8 +31,8 @@ def read_bytes(path: Path) -> bytes:
     return data
 
 
-def _beside(target: Path) -> Path:
-    """A free name in the directory of `target`; hidden, so that no loader takes it for data."""
+def _temporary_name(target: Path) -> Path:
+    """A free name in the directory of `target`; hidden, so that no loader reads it as data."""
     if not target.parent.is_dir():
         raise InputError(f"{target}: directory {target.parent} does not exist; create it first")
     if not os.access(target.parent, os.W_OK):
@@ -38,7 +42,7 @@ def _beside(target: Path) -> Path:
 
 @contextmanager
 def atomic_path(path: PathLike) -> Iterator[Path]:
-    """Give a temporary file name beside `path`, and rename it to `path` when the block succeeds.
+    """Yield a temporary file name beside `path`; rename it to `path` when the block succeeds.
 
     The temporary name has the suffix of `path`. When the block raises, the temporary file is
     removed and an old file at `path` stays as it was.
@@ -52,7 +56,7 @@ def atomic_path(path: PathLike) -> Iterator[Path]:
     target = Path(path)
     if target.is_dir():
         raise InputError(f"{target}: is a directory, expected a file name; choose another name")
-    temporary = _beside(target)
+    temporary = _temporary_name(target)
     try:
         yield temporary
         temporary.replace(target)
@@ -62,12 +66,12 @@ def atomic_path(path: PathLike) -> Iterator[Path]:
 
 @contextmanager
 def atomic_directory(path: PathLike, replaceable: Callable[[Path], bool]) -> Iterator[Path]:
-    """Give a temporary directory beside `path`, and rename it to `path` when the block succeeds.
+    """Yield a temporary directory beside `path`; rename it to `path` when the block succeeds.
 
     Args:
         path: the directory to write; its parent must exist.
-        replaceable: whether an entry of an existing directory at `path` may be lost. The old
-            directory is replaced as a whole only if this holds for all its entries.
+        replaceable: true for an entry of an existing directory at `path` that may be lost. The old
+            directory is replaced, as a whole, only if this is true for all its entries.
 
     Raises:
         InputError: the parent is missing or not writable, `path` is a file, or an existing
@@ -83,14 +87,14 @@ def atomic_directory(path: PathLike, replaceable: Callable[[Path], bool]) -> Ite
                 f"{target}: already holds {foreign[0]!r}, expected an empty directory or one "
                 "written by the same command; choose another directory or move that file away"
             )
-    # Without a trailing separator or dots, so that the name has a parent to lie beside.
+    # Without a trailing separator or dots: the temporary name is made from parent and stem.
     target = target.resolve()
-    temporary = _beside(target)
+    temporary = _temporary_name(target)
     temporary.mkdir()
     try:
         yield temporary
         if target.is_dir():
-            old = _beside(target)
+            old = _temporary_name(target)
             target.rename(old)
             try:
                 temporary.rename(target)

@@ -16,10 +16,14 @@ _TRIANGLES = 4
 
 
 def read_glb(data: bytes, name: str) -> tuple[FloatArray, IntArray]:
-    """Positions (V, 3), node transforms applied, and triangles (F, 3) of the contents `data`.
+    """Positions (V, 3), node transforms applied, and triangles (F, 3) of a GLB file.
 
     Nodes come depth first as the scene lists them. Primitives of one node that share an array of
     positions share vertices; nothing else is merged, so a seam that the exporter split stays split.
+
+    Args:
+        data: contents of the file.
+        name: file name for messages.
 
     Raises:
         InputError: broken contents, or a feature that would not keep the vertices exactly.
@@ -100,59 +104,59 @@ class _Scene:
     def _add_mesh(self, mesh: dict, index: int, world: FloatArray) -> None:
         starts: dict[int, int] = {}
         for number, primitive in enumerate(mesh["primitives"]):
-            place = f"mesh {index} primitive {number}"
+            label = f"mesh {index} primitive {number}"
             if "KHR_draco_mesh_compression" in primitive.get("extensions", {}):
-                raise self._refusal(f"{place} is compressed by Draco", "switch compression off")
+                raise self._refusal(f"{label} is compressed by Draco", "switch compression off")
             mode = primitive.get("mode", _TRIANGLES)
             if mode != _TRIANGLES:
-                raise self._refusal(f"{place} has drawing mode {mode}", "export triangles only")
+                raise self._refusal(f"{label} has drawing mode {mode}", "export triangles only")
             accessor = primitive["attributes"]["POSITION"]
             count = self._json["accessors"][accessor]["count"]
             if accessor not in starts:
                 starts[accessor] = self._vertex_count
-                self._vertices.append(self._positions(accessor, world, place))
+                self._vertices.append(self._positions(accessor, world, label))
                 self._vertex_count += count
             if "indices" in primitive:
-                corners = self._array(primitive["indices"], _INDEX_TYPES, 1, place).ravel()
+                corners = self._array(primitive["indices"], _INDEX_TYPES, 1, label).ravel()
                 corners = corners.astype(np.int64)
             else:
                 corners = np.arange(count, dtype=np.int64)
             if len(corners) % 3:
-                raise self._refusal(f"{place} has {len(corners)} corners", "export triangles only")
+                raise self._refusal(f"{label} has {len(corners)} corners", "export triangles only")
             faces = fan_triangles(
                 corners,
                 np.full(len(corners) // 3, 3, dtype=np.int64),
                 count,
                 self._name,
-                lambda i, place=place: f"{place} face {i}",
+                lambda i, label=label: f"{label} face {i}",
             )
             # A mirroring transform turns faces inside out; glTF has the reader turn them back.
             if np.linalg.det(world[:3, :3]) < 0:
                 faces = faces[:, [0, 2, 1]]
             self._faces.append(faces + starts[accessor])
 
-    def _positions(self, accessor: int, world: FloatArray, place: str) -> FloatArray:
-        points = self._array(accessor, {_FLOAT: "<f4"}, 3, place).astype(np.float64)
+    def _positions(self, accessor: int, world: FloatArray, label: str) -> FloatArray:
+        points = self._array(accessor, {_FLOAT: "<f4"}, 3, label).astype(np.float64)
         if np.array_equal(world, np.eye(4)):
             return points
         return points @ world[:3, :3].T + world[:3, 3]
 
-    def _array(self, index: int, types: dict[int, str], width: int, place: str) -> np.ndarray:
+    def _array(self, index: int, types: dict[int, str], width: int, label: str) -> np.ndarray:
         """Accessor `index` as an array (count, width)."""
         accessor = self._json["accessors"][index]
         if "sparse" in accessor or "bufferView" not in accessor:
-            raise self._refusal(f"{place} has a sparse array", "export without sparse accessors")
+            raise self._refusal(f"{label} has a sparse array", "export without sparse accessors")
         if accessor["componentType"] not in types:
             raise self._refusal(
-                f"{place} has numbers of type {accessor['componentType']}, expected one of "
+                f"{label} has numbers of type {accessor['componentType']}, expected one of "
                 f"{sorted(types)}",
                 "export without quantisation",
             )
         view = self._json["bufferViews"][accessor["bufferView"]]
         if "EXT_meshopt_compression" in view.get("extensions", {}):
-            raise self._refusal(f"{place} is compressed by meshopt", "switch compression off")
+            raise self._refusal(f"{label} is compressed by meshopt", "switch compression off")
         if "uri" in self._json["buffers"][view["buffer"]]:
-            raise self._refusal(f"{place} is kept outside the file", "export one .glb file")
+            raise self._refusal(f"{label} is kept outside the file", "export one .glb file")
         kind = np.dtype(types[accessor["componentType"]])
         stride = view.get("byteStride", width * kind.itemsize)
         start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
@@ -187,7 +191,7 @@ def _local_transform(node: dict) -> FloatArray:
 
 def write_glb(vertices: FloatArray, faces: IntArray) -> bytes:
     """GLB of a triangle mesh, positions as float32."""
-    # Takes most of a second to import, and only this needs it.
+    # The import takes most of a second, and nothing else needs it.
     from trimesh import Trimesh
     from trimesh.exchange.gltf import export_glb
 

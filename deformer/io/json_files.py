@@ -1,4 +1,4 @@
-"""The JSON files of users: splits and handle targets."""
+"""JSON files: reading and writing, and the formats of splits and handle targets."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from deformer.io.atomic import PathLike, atomic_path, read_bytes
 
 
 def write_json(path: PathLike, data: Any) -> None:
-    """Write `data` as JSON, indented by one; an existing file is replaced at the end.
+    """Write `data` as JSON, indented by one; an existing file is replaced once all is written.
 
     Args:
         path: the file; its directory must exist.
-        data: what `json` writes, and numpy arrays and numbers.
+        data: values that `json` writes, numpy arrays and numpy numbers.
 
     Raises:
         InputError: the directory is missing or not writable.
-        ValueError: a number is not finite, which JSON cannot hold.
+        ValueError: a number is not finite, which JSON cannot represent.
         TypeError: a value is of another type.
     """
     text = json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False, default=_plain)
@@ -38,7 +38,14 @@ def _plain(value: Any) -> Any:
 
 
 def read_json(path: PathLike) -> dict[str, Any]:
-    """Read a JSON file that holds an object; InputError where it does not."""
+    """Read a JSON file that contains an object.
+
+    Args:
+        path: the file.
+
+    Raises:
+        InputError: the file is missing, not JSON, or contains something else.
+    """
     path = Path(path)
     content = read_bytes(path)
     try:
@@ -59,11 +66,14 @@ def _is_integer(value: Any) -> bool:
 
 
 def load_split(path: PathLike, count: int) -> dict[str, list[int]]:
-    """Load which shapes to train on and which to test on.
+    """Load the indices of training and test shapes.
 
     Args:
         path: JSON `{"train": [indices], "test": [indices]}`; `test` may be empty.
         count: number of shapes; indices count from 0.
+
+    Returns:
+        {"train": indices, "test": indices}, in the file's order.
 
     Raises:
         InputError: a list is missing, an index is no integer, out of range or given twice, or
@@ -94,7 +104,7 @@ def load_split(path: PathLike, count: int) -> dict[str, list[int]]:
 
 @dataclass(frozen=True)
 class HandleTarget:
-    """Where one vertex should go.
+    """Target position of one vertex.
 
     Args:
         vertex: vertex index, from 0.
@@ -113,7 +123,7 @@ class HandleFile:
 
     Args:
         frames: the handles of every frame; one frame for a single pose.
-        is_sequence: whether the file was written as a sequence of frames.
+        is_sequence: true if the file has frames, false if it has a single pose.
     """
 
     frames: tuple[tuple[HandleTarget, ...], ...]
@@ -150,39 +160,39 @@ def load_handles(path: PathLike, vertex_count: int) -> HandleFile:
     )
 
 
-def _frame(handles: Any, place: str, vertex_count: int) -> tuple[HandleTarget, ...]:
+def _frame(handles: Any, label: str, vertex_count: int) -> tuple[HandleTarget, ...]:
     if not isinstance(handles, list) or not handles:
         raise InputError(
-            f"{place}: found {_brief(handles)}, expected a list of at least one handle; add one"
+            f"{label}: found {_brief(handles)}, expected a list of at least one handle; add one"
         )
-    frame = tuple(_handle(h, f"{place}, handle {i}", vertex_count) for i, h in enumerate(handles))
+    frame = tuple(_handle(h, f"{label}, handle {i}", vertex_count) for i, h in enumerate(handles))
     seen: dict[int, int] = {}
     for i, handle in enumerate(frame):
         if handle.vertex in seen:
             raise InputError(
-                f"{place}, handle {i}: vertex {handle.vertex} is already held by handle "
+                f"{label}, handle {i}: vertex {handle.vertex} is already held by handle "
                 f"{seen[handle.vertex]}, expected each vertex once; remove one"
             )
         seen[handle.vertex] = i
     return frame
 
 
-def _handle(handle: Any, place: str, vertex_count: int) -> HandleTarget:
+def _handle(handle: Any, label: str, vertex_count: int) -> HandleTarget:
     if not isinstance(handle, dict) or not {"vertex", "position"} <= set(handle):
         raise InputError(
-            f'{place}: found {_brief(handle)}, expected {{"vertex": …, "position": [x, y, z]}}; '
+            f'{label}: found {_brief(handle)}, expected {{"vertex": …, "position": [x, y, z]}}; '
             "complete it"
         )
     unknown = sorted(set(handle) - {"vertex", "position", "weight"})
     if unknown:
         raise InputError(
-            f"{place}: unknown key {unknown[0]!r}, expected vertex, position, weight; rename or "
+            f"{label}: unknown key {unknown[0]!r}, expected vertex, position, weight; rename or "
             "remove it"
         )
     vertex, position, weight = handle["vertex"], handle["position"], handle.get("weight", 1.0)
     if not _is_integer(vertex) or not 0 <= vertex < vertex_count:
         raise InputError(
-            f"{place}: vertex {_brief(vertex)}, expected an integer of 0…{vertex_count - 1}; "
+            f"{label}: vertex {_brief(vertex)}, expected an integer of 0…{vertex_count - 1}; "
             "choose a vertex of the mesh"
         )
     if (
@@ -191,18 +201,18 @@ def _handle(handle: Any, place: str, vertex_count: int) -> HandleTarget:
         or not all(_is_number(x) for x in position)
     ):
         raise InputError(
-            f"{place}: position {_brief(position)}, expected three finite numbers; correct it"
+            f"{label}: position {_brief(position)}, expected three finite numbers; correct it"
         )
     if not _is_number(weight) or weight <= 0:
         raise InputError(
-            f"{place}: weight {_brief(weight)}, expected a finite number above 0; correct it"
+            f"{label}: weight {_brief(weight)}, expected a finite number above 0; correct it"
         )
     x, y, z = (float(value) for value in position)
     return HandleTarget(vertex, (x, y, z), float(weight))
 
 
 def _is_number(value: Any) -> bool:
-    """Whether a JSON value is a number that fits a finite float."""
+    """True if a JSON value is a number that fits a finite float."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     return abs(value) <= sys.float_info.max

@@ -1,8 +1,8 @@
 """Read and write meshes, sequences of shapes, splits and handle files.
 
-Vertex count and order are the file's own, always: nothing is merged, split or sorted. OBJ, OFF, PLY
-and NPZ keep float64 exactly; GLB and STL hold float32 by their format; STL has no vertices at all,
-so corners at one place are welded (see `load_shapes`).
+Vertex count and order are always the file's own: nothing is merged, split or sorted. OBJ, OFF, PLY
+and NPZ keep float64 exactly; the formats GLB and STL have float32; STL has no vertices at all, so
+corners with equal positions are welded (see `load_shapes`).
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ __all__ = [
 
 _Reader = Callable[[bytes, str], tuple[FloatArray, IntArray]]
 
-# A reader serves the files of one sequence, so each is made anew.
+# Readers keep state from file to file of one sequence: every sequence gets a new one.
 _READERS: dict[str, Callable[[], _Reader]] = {
     ".obj": ObjReader,
     ".ply": lambda: read_ply,
@@ -69,7 +69,7 @@ _WRITERS: dict[str, Callable[[FloatArray, IntArray], bytes]] = {
     ".stl": write_stl,
     ".glb": write_glb,
 }
-# What zipfile and its decompressors raise on damaged contents.
+# Errors that zipfile and its decompressors raise for damaged contents.
 _DAMAGED = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, RuntimeError)
 MESH_SUFFIXES = tuple(_READERS)
 _SUFFIX_LIST = ", ".join(MESH_SUFFIXES)
@@ -79,14 +79,13 @@ _WRITTEN_NAME = re.compile(r"\d{4,}\.(obj|ply|off|stl|glb)")
 def load_shapes(path: PathLike, progress: Callable[[int, int], None] | None = None) -> MeshSequence:
     """Load shapes that share one connectivity.
 
-    STL corners are welded where they coincide exactly in the first shape, and the same corners in
-    all shapes.
+    STL corners that coincide exactly in the first shape are welded in all shapes.
 
     Args:
-        path: a directory of OBJ, PLY, OFF, STL or GLB files of one format, taken in natural order
+        path: a directory of OBJ, PLY, OFF, STL or GLB files of one format, read in natural order
             of their names (2 before 10; other and hidden files are ignored); or one NPZ with
             `vertices` (N, V, 3) or (V, 3) and `faces` (F, 3); or one mesh file.
-        progress: called with the number of files done and of all files.
+        progress: called with the numbers of files read and of all files.
 
     Raises:
         InputError: a file is missing, broken or of another kind, or differs from the first in
@@ -107,7 +106,7 @@ def load_mesh(path: PathLike) -> Mesh:
     """Load one OBJ, PLY, OFF, STL or GLB file.
 
     Args:
-        path: the file; its suffix tells the format.
+        path: the file; its suffix is that of the format.
 
     Raises:
         InputError: the file is missing, broken or of another kind.
@@ -116,12 +115,12 @@ def load_mesh(path: PathLike) -> Mesh:
 
 
 def save_mesh(path: PathLike, mesh: Mesh) -> None:
-    """Write one mesh in the format of the suffix; an existing file is replaced at the end.
+    """Write one mesh in the format of the suffix; an existing file is replaced once all is written.
 
     Args:
         path: the file, named .obj, .ply, .off, .stl or .glb. STL and GLB round positions to
             float32; STL also loses vertex numbers and vertices without a face.
-        mesh: what to write.
+        mesh: the mesh.
 
     Raises:
         InputError: an unknown suffix, or a directory that is missing or not writable.
@@ -138,9 +137,9 @@ def save_shapes(path: PathLike, shapes: MeshSequence, format: str = "ply") -> No
     """Write a sequence as one NPZ, or as a directory of files 0000, 0001, ….
 
     Args:
-        path: a file named .npz, or a directory. An existing directory is replaced as a whole, if
-            it holds nothing but files that this function writes.
-        shapes: what to write.
+        path: a file named .npz, or a directory. An existing directory is replaced as a whole if all
+            its files are named as this function names them.
+        shapes: the sequence.
         format: "obj", "ply", "off", "stl" or "glb", for a directory; see `save_mesh` on precision.
 
     Raises:
@@ -167,14 +166,13 @@ def save_shapes(path: PathLike, shapes: MeshSequence, format: str = "ply") -> No
 
 
 def write_npz(path: PathLike, arrays: Mapping[str, Any]) -> None:
-    """Write arrays as a compressed NPZ; an existing file is replaced at the end.
+    """Write arrays as a compressed NPZ; an existing file is replaced once all is written.
 
-    `save_shapes` writes shapes so, in float64; here types are the arrays' own, and there may be
-    more arrays than `load_shapes` reads.
+    `load_shapes` reads the arrays `vertices` and `faces` and ignores all others.
 
     Args:
         path: the file; its directory must exist.
-        arrays: numbers or text by name.
+        arrays: name → array of numbers or text, written with its own dtype.
 
     Raises:
         InputError: the directory is missing or not writable.

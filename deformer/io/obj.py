@@ -14,9 +14,9 @@ _CONTINUED = re.compile(rb"^[ \t]*[vf](?=[ \t\\])(?:[^\n]*\\\r?\n)+", re.MULTILI
 
 
 class ObjReader:
-    """Reads the files of one sequence; faces spelled as in the file before are not parsed again.
+    """Reads the files of one sequence; parses face lines only where they differ from the last file.
 
-    Only `v` and `f` count: texture coordinates and normals never split a vertex. A fourth
+    Only `v` and `f` are read: texture coordinates and normals never split a vertex. A fourth
     coordinate (a weight of rational curves) and vertex colours are ignored, as are lines, points,
     groups and materials.
     """
@@ -27,7 +27,11 @@ class ObjReader:
         self._faces: IntArray | None = None
 
     def __call__(self, data: bytes, name: str) -> tuple[FloatArray, IntArray]:
-        """Positions (V, 3) and triangles (F, 3) of the file contents `data`.
+        """Positions (V, 3) and triangles (F, 3) of an OBJ file.
+
+        Args:
+            data: contents of the file.
+            name: file name for messages.
 
         Raises:
             InputError: no vertices or faces, garbage, or a face index out of range.
@@ -39,7 +43,7 @@ class ObjReader:
             raise InputError(
                 f"{name}: no vertices, expected lines 'v x y z'; check that it is an OBJ file"
             )
-        vertices = positions(rows, 1, name, lambda i: _place(text, b"v", i))
+        vertices = positions(rows, 1, name, lambda i: _line_of(text, b"v", i))
         face_lines = [line for line in lines if line[:2] == b"f " or line == b"f"]
         face_text = b"\n".join(face_lines)
         if (
@@ -60,14 +64,14 @@ def _normalised(data: bytes) -> bytes:
     if data.startswith(b"\xef\xbb\xbf"):
         data = data[3:]
     if b"\\" in data:
-        # Only v and f statements go on: a comment or path may end in a backslash by chance.
-        # \v stands for the swallowed line end, so that lines can still be counted.
+        # Only v and f statements are continued: a comment or path may end in a backslash by chance.
+        # \v replaces the line end, so that lines can still be counted.
         data = _CONTINUED.sub(lambda m: re.sub(rb"\\\r?\n", b" \v", m[0]), data)
     return data.replace(b"\t", b" ")
 
 
-def _place(text: bytes, keyword: bytes, index: int) -> str:
-    """Line, in the file, of statement number `index` that starts with `keyword`."""
+def _line_of(text: bytes, keyword: bytes, index: int) -> str:
+    """Line number, as text, of the statement number `index` among those of a `keyword`."""
     number = 1
     for line in text.split(b"\n"):
         if line.split(maxsplit=1)[:1] == [keyword]:
@@ -81,14 +85,14 @@ def _place(text: bytes, keyword: bytes, index: int) -> str:
 def _faces(
     face_lines: list[bytes], lines: list[bytes], text: bytes, vertex_count: int, name: str
 ) -> IntArray:
-    # "17/3/5" names vertex 17, texture coordinate 3, normal 5; the vertex alone matters here.
+    # "17/3/5" is vertex 17, texture coordinate 3, normal 5; only the vertex is used.
     rows = [
         re.sub(rb"/[^\s]*", b"", line.partition(b"#")[0]).split()[1:] if line else []
         for line in face_lines
     ]
 
     def where(i: int) -> str:
-        return _place(text, b"f", i)
+        return _line_of(text, b"f", i)
 
     raw, counts = corner_indices(rows, name, where)
     corners = raw - 1
@@ -101,7 +105,7 @@ def _faces(
 
 
 def write_obj(vertices: FloatArray, faces: IntArray) -> bytes:
-    """OBJ text of a triangle mesh; the shortest decimals that give the same float64 back."""
+    """OBJ text of vertices (V, 3) and faces (F, 3), with the shortest decimals that are exact."""
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()]
     lines += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
     return ("\n".join(lines) + "\n").encode("ascii")

@@ -1,4 +1,4 @@
-"""What the mesh file readers share: numbers, face indices and the triangulation of polygons."""
+"""Shared parts of the mesh file readers: numbers, face indices, triangulation of polygons."""
 
 from __future__ import annotations
 
@@ -9,18 +9,24 @@ import numpy as np
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
 
-# Names the place of item number i for an error message: "line 12", "face 3".
+# Where item number i is in the file, for an error message: "line 12", "face 3".
 Where = Callable[[int], str]
 
 
 def positions(rows: Sequence[Sequence[bytes]], start: int, name: str, where: Where) -> FloatArray:
     """Positions (n, 3) from tokens start, start+1, start+2 of every row; later tokens are ignored.
 
+    Args:
+        rows: tokens of n statements.
+        start: index of the first coordinate in a row.
+        name: file name for messages.
+        where: describes statement i for messages.
+
     Raises:
         InputError: a row is short, or a token is not a finite number.
     """
     tokens = [token for row in rows for token in row[start : start + 3]]
-    # float() takes "1_000" as Python source does; a mesh file does not mean that.
+    # float() accepts "1_000", as in Python source; in a mesh file it is an error.
     if len(tokens) == 3 * len(rows) and b"_" not in b"".join(tokens):
         try:
             values = np.array([float(token) for token in tokens]).reshape(-1, 3)
@@ -53,7 +59,12 @@ def _shown(tokens: Sequence[bytes]) -> str:
 def corner_indices(
     rows: Sequence[Sequence[bytes]], name: str, where: Where
 ) -> tuple[IntArray, IntArray]:
-    """All tokens of all rows as integers in one array, and the count of tokens of every row.
+    """All tokens of all rows as integers in one array, and the count (n,) of tokens of every row.
+
+    Args:
+        rows: tokens of n statements.
+        name: file name for messages.
+        where: describes statement i for messages.
 
     Raises:
         InputError: a token is not an integer.
@@ -97,8 +108,8 @@ def fan_triangles(
         counts: (n,) corners of each polygon.
         vertex_count: vertices of the mesh.
         name: file name for messages.
-        where: names the place of polygon i for messages.
-        shown: the indices as they stand in the file, for messages; `corners` if not given.
+        where: describes polygon i for messages.
+        shown: the indices as written in the file, for messages; `corners` if not given.
         first: index of the first vertex in the file's own counting, for messages.
 
     Raises:

@@ -44,7 +44,11 @@ class _Element:
 
 
 def read_ply(data: bytes, name: str) -> tuple[FloatArray, IntArray]:
-    """Positions (V, 3) and triangles (F, 3) of the file contents `data`.
+    """Positions (V, 3) and triangles (F, 3) of a PLY file.
+
+    Args:
+        data: contents of the file.
+        name: file name for messages.
 
     Raises:
         InputError: a broken header, a short file, garbage, no vertices or faces, or a face index
@@ -81,9 +85,9 @@ def _header(data: bytes, name: str) -> tuple[str, list[_Element], int]:
             case ["element", element, count] if count.isdecimal():
                 elements.append(_Element(element, int(count), ()))
             case ["property", "list", n, t, p] if elements and n in _TYPES and t in _TYPES:
-                elements[-1] = _with(elements[-1], _Property(p, _TYPES[t], _TYPES[n]))
+                elements[-1] = _with_property(elements[-1], _Property(p, _TYPES[t], _TYPES[n]))
             case ["property", t, p] if elements and t in _TYPES:
-                elements[-1] = _with(elements[-1], _Property(p, _TYPES[t], None))
+                elements[-1] = _with_property(elements[-1], _Property(p, _TYPES[t], None))
             case ["format" | "element" | "property", *_]:
                 raise InputError(
                     f"{name}, line {number}: cannot read {line[:60]!r}, expected a PLY header "
@@ -94,7 +98,7 @@ def _header(data: bytes, name: str) -> tuple[str, list[_Element], int]:
     return order, elements, body
 
 
-def _with(element: _Element, added: _Property) -> _Element:
+def _with_property(element: _Element, added: _Property) -> _Element:
     return _Element(element.name, element.count, (*element.properties, added))
 
 
@@ -135,20 +139,20 @@ def _read_text(
 
 def _text_polygon(row: list[bytes], element: _Element, number: int, name: str) -> list[bytes]:
     polygon: list[bytes] = []
-    at = 0
+    offset = 0
     for prop in element.properties:
         length = 1
         if prop.count_type:
-            token = row[at] if at < len(row) else b""
+            token = row[offset] if offset < len(row) else b""
             length = 1 + int(token) if token.isdigit() else len(row) + 1
-        if at + length > len(row):
+        if offset + length > len(row):
             raise InputError(
                 f"{name}, line {number}: cannot read the face, expected its properties "
                 f"{[p.name for p in element.properties]}; correct the line or export it again"
             )
         if prop.name == element.index_list:
-            polygon = row[at + 1 : at + length]
-        at += length
+            polygon = row[offset + 1 : offset + length]
+        offset += length
     return polygon
 
 
@@ -156,12 +160,12 @@ def _read_binary(
     data: bytes, body: int, order: str, elements: list[_Element], name: str
 ) -> tuple[FloatArray, IntArray]:
     vertices, corners, counts = np.empty((0, 3)), np.empty(0, np.int64), np.empty(0, np.int64)
-    at = body
+    offset = body
     for element in elements:
-        row = _uniform_row(data, at, element, order)
+        row = _uniform_row(data, offset, element, order)
         if row is not None:
-            table = np.frombuffer(data, row, element.count, at)
-            at += table.nbytes
+            table = np.frombuffer(data, row, element.count, offset)
+            offset += table.nbytes
             if element.name == "vertex":
                 vertices = np.stack([table[axis] for axis in "xyz"], axis=1).astype(np.float64)
             elif element.name == "face" and element.index_list:
@@ -169,7 +173,7 @@ def _read_binary(
                 corners = block.ravel()
                 counts = np.full(len(block), block.shape[1], dtype=np.int64)
         else:
-            at, polygons = _walk(data, at, element, order, name)
+            offset, polygons = _read_rows(data, offset, element, order, name)
             if element.name == "vertex":
                 raise InputError(
                     f"{name}: vertices with lists of differing lengths, expected numbers alone; "
@@ -182,26 +186,26 @@ def _read_binary(
 
 
 def _uniform_row(data: bytes, start: int, element: _Element, order: str) -> np.dtype | None:
-    """Layout of the element's rows when all have it; None when a list's length varies."""
+    """Layout of the element's rows if it is the same for all; None if a list's length varies."""
     fields: list = []
     lengths = []
-    at = start
+    offset = start
     for prop in element.properties:
         shape: tuple[int, ...] = ()
         if prop.count_type:
             count = np.dtype(order + prop.count_type)
-            if element.count == 0 or at + count.itemsize > len(data):
+            if element.count == 0 or offset + count.itemsize > len(data):
                 return None
-            length = int(np.frombuffer(data, count, 1, at)[0])
+            length = int(np.frombuffer(data, count, 1, offset)[0])
             if not 0 <= length <= len(data):
                 return None
             lengths.append((f"{prop.name} length", length))
             fields.append((f"{prop.name} length", count))
-            at += count.itemsize
+            offset += count.itemsize
             shape = (length,)
         field = np.dtype((order + prop.type, shape))
         fields.append((prop.name, order + prop.type, shape))
-        at += field.itemsize
+        offset += field.itemsize
     row = np.dtype(fields)
     if start + element.count * row.itemsize > len(data):
         return None
@@ -209,10 +213,10 @@ def _uniform_row(data: bytes, start: int, element: _Element, order: str) -> np.d
     return row if all((table[field] == length).all() for field, length in lengths) else None
 
 
-def _walk(
-    data: bytes, at: int, element: _Element, order: str, name: str
+def _read_rows(
+    data: bytes, offset: int, element: _Element, order: str, name: str
 ) -> tuple[int, list[np.ndarray]]:
-    """Offset after the element's rows, read one at a time, and their lists of vertex indices."""
+    """Offset after the element's rows, read one by one, and their lists of vertex indices."""
     polygons = []
     kinds = [
         (p.name, np.dtype(order + p.type), np.dtype(order + p.count_type) if p.count_type else None)
@@ -222,18 +226,18 @@ def _walk(
         for prop, kind, count_kind in kinds:
             length = 1
             if count_kind is not None:
-                head = data[at : at + count_kind.itemsize]
+                head = data[offset : offset + count_kind.itemsize]
                 length = -1
                 if len(head) == count_kind.itemsize:
                     length = int(np.frombuffer(head, count_kind)[0])
-                at += count_kind.itemsize
-            end = at + length * kind.itemsize
+                offset += count_kind.itemsize
+            end = offset + length * kind.itemsize
             if length < 0 or end > len(data):
                 raise _cut_short(name, element, i)
             if prop == element.index_list:
-                polygons.append(np.frombuffer(data, kind, length, at))
-            at = end
-    return at, polygons
+                polygons.append(np.frombuffer(data, kind, length, offset))
+            offset = end
+    return offset, polygons
 
 
 def _cut_short(name: str, element: _Element, found: int) -> InputError:
@@ -244,7 +248,7 @@ def _cut_short(name: str, element: _Element, found: int) -> InputError:
 
 
 def write_ply(vertices: FloatArray, faces: IntArray) -> bytes:
-    """Binary PLY of a triangle mesh, positions as float64."""
+    """Binary PLY of vertices (V, 3) and faces (F, 3), positions as float64."""
     header = (
         "ply\nformat binary_little_endian 1.0\n"
         f"element vertex {len(vertices)}\nproperty double x\nproperty double y\nproperty double z\n"

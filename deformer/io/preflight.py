@@ -1,4 +1,4 @@
-"""Preflight report: what in a set of shapes would hurt training, and what to do about it."""
+"""Preflight report: defects of a set of shapes that would harm training, with their remedies."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from scipy.sparse import csgraph
 
 from deformer.geometry import FloatArray, IntArray, MeshSequence, connected_components
 
-# Residual of a rigid fit, as part of the bounding diagonal, that float32 data leaves.
+# Residual of a rigid fit, in bounding diagonals, that the rounding of float32 data explains.
 RIGID_TOLERANCE = 1e-5
-# Mean edge length against the usual one: bending keeps it, a unit or vertex order mix-up does not.
+# Ratio of mean edge lengths: bending preserves them, another unit or vertex order does not.
 SCALE_FACTOR = 2.0
 LARGE_ROTATION = np.pi / 2
 _DEGENERATE_AREA = 1e-12
@@ -28,7 +28,7 @@ class Finding:
 
     Args:
         severity: "error" when training cannot work, "warning" when it may suffer, or "info".
-        message: one line with what was found, where, what was expected and the remedy.
+        message: one line: the defect, where it is, what was expected, and the remedy.
     """
 
     severity: Severity
@@ -49,11 +49,11 @@ class Report:
 
     @property
     def usable(self) -> bool:
-        """Whether there is no error."""
+        """True if there is no error."""
         return all(finding.severity != "error" for finding in self.findings)
 
     def as_dict(self) -> dict[str, Any]:
-        """The report in types that JSON knows."""
+        """The report as dictionaries and lists, for JSON."""
         return {
             "usable": self.usable,
             "facts": dict(self.facts),
@@ -70,10 +70,11 @@ def examine(shapes: MeshSequence) -> Report:
     Returns:
         A report. Facts: shapes, vertices, faces, components and isolated_vertices (a vertex
         without a face is no component), boundary_loops (connected pieces of the border),
-        non_manifold_edges (more than two faces), inconsistent_orientation (edges whose two faces
-        run the same way), degenerate_faces and coincident_vertices (of the reference; vertices
-        beyond the first at a place), bounding_diagonal {min, max}, duplicate_shapes (pairs, the
-        earlier first), largest_rotation (radians, of the best rigid fit to the reference).
+        non_manifold_edges (more than two faces), inconsistent_orientation (edges that both faces
+        traverse in the same direction), degenerate_faces and coincident_vertices (of the
+        reference; of coincident vertices all but one), bounding_diagonal {min, max},
+        duplicate_shapes (pairs, the earlier first), largest_rotation (radians, of the best rigid
+        fit to the reference).
     """
     findings: list[Finding] = []
     facts: dict[str, Any] = {
@@ -100,31 +101,32 @@ def _examine_connectivity(
     pairs, label, uses = np.unique(
         np.sort(half, axis=1), axis=0, return_inverse=True, return_counts=True
     )
-    crowded = pairs[uses > 2]
-    # Two faces that agree run along their common edge in opposite ways.
+    non_manifold = pairs[uses > 2]
+    # Consistently oriented faces traverse their common edge in opposite directions.
     balance = np.bincount(label.ravel(), np.where(half[:, 0] < half[:, 1], 1, -1), len(pairs))
-    turned = pairs[(uses == 2) & (balance != 0)]
+    inconsistent = pairs[(uses == 2) & (balance != 0)]
     facts |= {
         "components": components,
-        "boundary_loops": _loops(pairs[uses == 1], vertex_count),
-        "non_manifold_edges": len(crowded),
+        "boundary_loops": _loop_count(pairs[uses == 1], vertex_count),
+        "non_manifold_edges": len(non_manifold),
         "isolated_vertices": len(isolated),
-        "inconsistent_orientation": len(turned),
+        "inconsistent_orientation": len(inconsistent),
     }
-    if len(crowded):
+    if len(non_manifold):
         findings.append(
             Finding(
                 "warning",
-                f"edges with more than two faces: {len(crowded)}, e.g. {crowded[0].tolist()}, "
-                "expected none; split the surface there or remove double faces",
+                f"edges with more than two faces: {len(non_manifold)}, e.g. "
+                f"{non_manifold[0].tolist()}, expected none; split the surface there or remove "
+                "double faces",
             )
         )
-    if len(turned):
+    if len(inconsistent):
         findings.append(
             Finding(
                 "warning",
-                f"edges between faces of opposite orientation: {len(turned)}, e.g. "
-                f"{turned[0].tolist()}, expected all faces counter-clockwise from outside; "
+                f"edges between faces of opposite orientation: {len(inconsistent)}, e.g. "
+                f"{inconsistent[0].tolist()}, expected all faces counter-clockwise from outside; "
                 "recalculate the normals in every shape alike",
             )
         )
@@ -153,7 +155,8 @@ def _examine_connectivity(
         )
 
 
-def _loops(border: IntArray, vertex_count: int) -> int:
+def _loop_count(border: IntArray, vertex_count: int) -> int:
+    """Number of connected pieces of the border edges (B, 2)."""
     graph = sparse.csr_array(
         (np.ones(len(border)), (border[:, 0], border[:, 1])), shape=(vertex_count, vertex_count)
     )
@@ -170,8 +173,8 @@ def _examine_reference(
     longest = np.max([((p - q) ** 2).sum(1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
     degenerate = np.flatnonzero(double_area <= _DEGENERATE_AREA * longest)
     _, first, label = np.unique(reference + 0.0, axis=0, return_index=True, return_inverse=True)
-    doubled = np.flatnonzero(first[label.ravel()] != np.arange(len(reference)))
-    facts |= {"degenerate_faces": len(degenerate), "coincident_vertices": len(doubled)}
+    coincident = np.flatnonzero(first[label.ravel()] != np.arange(len(reference)))
+    facts |= {"degenerate_faces": len(degenerate), "coincident_vertices": len(coincident)}
     if len(degenerate):
         findings.append(
             Finding(
@@ -180,13 +183,13 @@ def _examine_reference(
                 f"{faces[degenerate[0]].tolist()}, expected none; collapse them in all shapes",
             )
         )
-    if len(doubled):
-        other = first[label.ravel()][doubled[0]]
+    if len(coincident):
+        other = first[label.ravel()][coincident[0]]
         findings.append(
             Finding(
                 "warning",
-                f"vertices of shape 0 that lie on another: {len(doubled)}, e.g. {doubled[0]} on "
-                f"{other}, expected none; weld seams in all shapes alike",
+                f"vertices of shape 0 that lie on another: {len(coincident)}, e.g. "
+                f"{coincident[0]} on {other}, expected none; weld seams in all shapes alike",
             )
         )
 
@@ -208,7 +211,7 @@ def _examine_sizes(shapes: MeshSequence, facts: dict[str, Any], findings: list[F
         )
     if (diagonals == 0).any():
         return
-    # The lower median is the length of a shape that exists, even when there are two.
+    # The lower median is the value of an existing shape, even when there are two.
     usual = np.sort(edges)[(len(edges) - 1) // 2]
     usual_diagonal = np.sort(diagonals)[(len(diagonals) - 1) // 2]
     for i in np.flatnonzero((edges > SCALE_FACTOR * usual) | (edges * SCALE_FACTOR < usual)):
@@ -268,7 +271,7 @@ def _examine_motion(shapes: MeshSequence, facts: dict[str, Any], findings: list[
 
 
 def _rigid_fits(vertices: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Angle (N,) of the best rotation from shape 0 to each shape, and the RMS distance left (N,).
+    """Angle (N,) of the best rotation from shape 0 to each shape, and the RMS residual (N,).
 
     Kabsch: R = U diag(1, 1, det U Vᵀ) Vᵀ from the singular vectors of Σ_i p_i v_iᵀ, centred.
     """

@@ -14,8 +14,8 @@ _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attrib
 class StlReader:
     """Reads the files of one sequence; corners that coincide in the first file are one vertex.
 
-    Vertices are numbered by their first corner in the file. Corners that coincide in later files
-    only stay apart.
+    Vertices are numbered by their first corner in the file. Corners that coincide only in a later
+    file are different vertices.
     """
 
     def __init__(self) -> None:
@@ -25,12 +25,16 @@ class StlReader:
         self._name = ""
 
     def __call__(self, data: bytes, name: str) -> tuple[FloatArray, IntArray]:
-        """Positions (V, 3) and triangles (F, 3) of the file contents `data`.
+        """Positions (V, 3) and triangles (F, 3) of an STL file.
+
+        Args:
+            data: contents of the file.
+            name: file name for messages.
 
         Raises:
             InputError: garbage, or corners welded by the first file that do not coincide here.
         """
-        # Adding zero turns -0.0 into 0.0, which is the same place.
+        # Adding zero turns -0.0 into 0.0, which is the same position.
         corners = _corners(data, name) + 0.0
         if self._first_corner is None:
             bits = np.ascontiguousarray(corners).view("V24").ravel()
@@ -47,11 +51,11 @@ class StlReader:
                 f"{self._name}; export all shapes with one connectivity"
             )
         vertices = corners[self._first_corner]
-        apart = np.flatnonzero((corners != vertices[self._faces.ravel()]).any(axis=1))
-        if len(apart):
+        split = np.flatnonzero((corners != vertices[self._faces.ravel()]).any(axis=1))
+        if len(split):
             raise InputError(
-                f"{name}, triangle {apart[0] // 3}: a corner of vertex "
-                f"{self._faces.ravel()[apart[0]]} lies apart from the vertex's other corners, "
+                f"{name}, triangle {split[0] // 3}: a corner of vertex "
+                f"{self._faces.ravel()[split[0]]} lies apart from the vertex's other corners, "
                 f"expected them together as in {self._name}; export as PLY, which keeps vertices"
             )
         return vertices, self._faces
@@ -90,12 +94,12 @@ def _corners(data: bytes, name: str) -> FloatArray:
 
 
 def write_stl(vertices: FloatArray, faces: IntArray) -> bytes:
-    """Binary STL of a triangle mesh: float32; vertices without a face are lost."""
+    """Binary STL of vertices (V, 3) and faces (F, 3): float32; unused vertices are lost."""
     soup = np.zeros(len(faces), dtype=_TRIANGLE)
     soup["corners"] = vertices[faces]
     corners = soup["corners"].astype(np.float64)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normal, axis=1, keepdims=True)
     soup["normal"] = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
-    # The header must not begin with "solid": readers take that for text.
+    # The header must not begin with "solid": readers would read the file as text.
     return b"deformer".ljust(80) + len(faces).to_bytes(4, "little") + soup.tobytes()
