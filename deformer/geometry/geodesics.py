@@ -1,6 +1,7 @@
-"""Geodesic distances by the heat method, one row at a time, and farthest-point sampling.
+"""Geodesic distances by the heat method, from one vertex at a time.
 
-No V×V array exists anywhere: a row costs one back-substitution and rows are cached.
+The distances from a vertex to all others, a row of the V×V matrix that is never built, cost one
+back-substitution; the latest rows are cached.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ class Geodesics:
     Args:
         mesh: V vertices in any unit; distances are in the same unit. Slivers and non-manifold
             edges are handled by the intrinsic Delaunay triangulation that the solver builds.
-        cache_rows: rows kept (least recently used go first); memory is cache_rows × V floats.
+        cache_rows: number of cached rows (the least recently used is dropped first); the memory is
+            cache_rows × V floats.
     """
 
     def __init__(self, mesh: Mesh, cache_rows: int = 256) -> None:
@@ -43,7 +45,14 @@ class Geodesics:
         self._extent: float | None = None
 
     def row(self, vertex: int) -> FloatArray:
-        """Distances (V,) from `vertex`, read-only; infinite on other connected components."""
+        """Distances (V,) from `vertex`, read-only; infinite on other connected components.
+
+        Args:
+            vertex: index, from 0.
+
+        Raises:
+            InputError: no such vertex.
+        """
         V = len(self._labels)
         if not 0 <= vertex < V:
             raise InputError(f"vertex {vertex} does not exist; the mesh has vertices 0…{V - 1}")

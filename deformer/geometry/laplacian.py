@@ -1,8 +1,8 @@
 """Cotangent weights of a mesh's edges, its Laplacian L, and the right-hand side b(T) of L p = b(T).
 
 The one double-precision version of b_i(T) = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j), in three forms: as a
-compiled loop, as a sparse matrix, and its adjoint. The kernels of a frame and the torch backend
-have versions in single precision, which the tests hold against this one.
+compiled loop, as a sparse matrix, and its adjoint. The solver's kernels and the torch backend have
+versions in single precision, which the tests compare with this one.
 """
 
 from __future__ import annotations
@@ -22,10 +22,13 @@ def cotan_weights(mesh: Mesh) -> sparse.csr_array:
     """Symmetric (V, V) matrix of cotangent weights c_ij = ½(cot α_ij + cot β_ij) of the edges.
 
     Slivers, obtuse triangles and coincident vertices give negative, huge or undefined cotangents.
-    A triangle's double area is taken as at least 1e-12 of its longest squared edge (and a triangle
-    shrunk to a point counts 0), and the sum over the triangles of an edge is clamped to
-    [MIN_COTAN_WEIGHT, MAX_COTAN_WEIGHT]; every edge therefore has a positive finite weight, and
-    the Laplacian built from them is positive semi-definite on any mesh.
+    Twice a triangle's area is therefore clamped to at least 1e-12 of its longest squared edge (a
+    triangle shrunk to a point has the cotangent 0), and the sum over the triangles of an edge to
+    [MIN_COTAN_WEIGHT, MAX_COTAN_WEIGHT]. Every edge has a positive finite weight, and the Laplacian
+    is positive semi-definite on any mesh.
+
+    Args:
+        mesh: V vertices in any unit.
     """
     v, f = mesh.vertices, mesh.faces
     rows, columns, values = [], [], []
@@ -73,6 +76,14 @@ def rhs_(start, stop, indptr, rings, c, v, T, b):
 
     The right-hand side of the reconstruction p = argmin Σ_i Σ_j c_ij ‖(p_i − p_j) − T_i (v_i −
     v_j)‖² (Tan et al. 2018, section 3; Gao et al. 2019).
+
+    Args:
+        start, stop: range of rows.
+        indptr, rings: one-rings in compressed rows.
+        c: (2E,) weights c_ij of the entries of `rings`.
+        v: (V, 3) reference vertices.
+        T: (V, 3, 3) deformation gradients.
+        b: (V, 3) output; rows outside the range are not changed.
     """
     for i in range(start, stop):
         bx = by = bz = 0.0
@@ -97,7 +108,14 @@ def rhs_(start, stop, indptr, rings, c, v, T, b):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def rhs_adjoint_(start, stop, indptr, rings, c, v, green, out):
-    """Coefficients a_i = Σ_j ½ c_ij (G_i − G_j)(v_i − v_j) with Σ_i G_i b_i(T) = Σ_i T_i a_i."""
+    """Coefficients a_i = Σ_j ½ c_ij (G_i − G_j)(v_i − v_j) with Σ_i G_i b_i(T) = Σ_i T_i a_i.
+
+    Args:
+        start, stop: range of rows i.
+        indptr, rings, c, v: as in `rhs_`.
+        green: G (V,), a row of the inverse of the Laplacian.
+        out: a (V, 3), output; rows outside the range are not changed.
+    """
     for i in range(start, stop):
         x = y = z = 0.0
         for k in range(indptr[i], indptr[i + 1]):

@@ -105,13 +105,21 @@ class MeshSequence:
         return len(self.vertices)
 
     def mesh(self, index: int) -> Mesh:
-        """Shape `index` as a Mesh."""
+        """Shape `index` as a Mesh; negative indices count from the end.
+
+        Raises:
+            InputError: no such shape.
+        """
         if not -len(self) <= index < len(self):
             raise InputError(f"shape {index} does not exist; the sequence has {len(self)} shapes")
         return Mesh(self.vertices[index], self.faces)
 
     def subset(self, indices: ArrayLike) -> MeshSequence:
-        """Shapes at `indices`, in that order."""
+        """Shapes at `indices` (n,), in that order.
+
+        Raises:
+            InputError: no such shape.
+        """
         chosen = np.asarray(indices, dtype=np.int64)
         bad = chosen[(chosen < 0) | (chosen >= len(self))]
         if len(bad):
@@ -129,6 +137,10 @@ def edges(faces: IntArray) -> IntArray:
 def one_rings(faces: IntArray, vertex_count: int) -> tuple[IntArray, IntArray]:
     """One-ring neighbours of every vertex in compressed rows.
 
+    Args:
+        faces: (F, 3) int64 vertex indices.
+        vertex_count: V.
+
     Returns:
         indptr (V+1,) and neighbours (2E,): the ring of i is neighbours[indptr[i]:indptr[i+1]],
         in increasing order; empty for a vertex without a face.
@@ -143,15 +155,19 @@ def one_rings(faces: IntArray, vertex_count: int) -> tuple[IntArray, IntArray]:
 
 
 def connected_components(faces: IntArray, vertex_count: int) -> tuple[int, IntArray]:
-    """Count of connected components and the component label (V,) of every vertex.
+    """Number of connected components, and the component (V,) of every vertex.
 
-    Labels count the components in the order of their first vertices.
+    Components are numbered from 0 in the order of their first vertices.
+
+    Args:
+        faces: (F, 3) int64 vertex indices.
+        vertex_count: V.
     """
-    # scipy.sparse.csgraph does the same, but its import takes longer than a whole pose.
+    # scipy.sparse.csgraph does the same, but its import takes longer than solving for a pose.
     first, second = edges(faces).T
     root = np.arange(vertex_count)
     while True:
-        # Every tree hangs itself under the least root that one of its edges leads to.
+        # Each root is joined to the least root that an edge of its tree leads to.
         low = np.minimum(root[first], root[second])
         found = root.copy()
         np.minimum.at(found, root[first], low)

@@ -29,9 +29,9 @@ def e_rms(truth: ArrayLike, estimate: ArrayLike, align: Alignment = "centroid") 
     Args:
         truth: (N, V, 3) or (V, 3) true positions.
         estimate: same shape; reconstructed positions.
-        align: what is taken out of each shape before: its centroid ("centroid", the paper's
-            order of magnitude), the best rigid motion ("rigid"), or nothing ("none", right where
-            control points fix the frame).
+        align: motion that is removed from each shape first: the difference of centroids
+            ("centroid", which has the paper's order of magnitude), the best rigid motion
+            ("rigid"), or none ("none", for shapes whose control points fix the frame).
 
     Raises:
         InputError: the shapes of the arrays differ, or `align` is unknown.
@@ -40,14 +40,28 @@ def e_rms(truth: ArrayLike, estimate: ArrayLike, align: Alignment = "centroid") 
 
 
 def vertex_errors(truth: ArrayLike, estimate: ArrayLike, align: Alignment = "none") -> FloatArray:
-    """Distances (N, V) or (V,) between true and estimated positions, in the data's own units."""
+    """Distances (N, V) or (V,) between true and estimated positions, in the data's own units.
+
+    Args:
+        truth: (N, V, 3) or (V, 3) true positions.
+        estimate: same shape; reconstructed positions.
+        align: as in `e_rms`.
+
+    Raises:
+        InputError: the shapes of the arrays differ, or `align` is unknown.
+    """
     distances = np.linalg.norm(_differences(truth, estimate, align), axis=-1)
     return distances.reshape(np.asarray(truth).shape[:-1])
 
 
 @dataclass(frozen=True)
 class Sted:
-    """The spatio-temporal edge difference of a sequence, and its two parts; all without unit."""
+    """The two parts of the spatio-temporal edge difference of a sequence, without unit.
+
+    Args:
+        spatial: deviation of edge lengths; see `sted_spatial`.
+        temporal: deviation of steps in time; see `sted`.
+    """
 
     spatial: float
     temporal: float
@@ -62,16 +76,16 @@ def sted(truth: ArrayLike, estimate: ArrayLike, faces: ArrayLike) -> Sted:
     """STED, the spatio-temporal edge difference of two sequences.
 
     Váša and Skala 2011, STED ("A Perception Correlated Comparison Method for Dynamic Meshes", IEEE
-    TVCG). The eye forgives a stretch that its surroundings share and sees one that differs from
-    them. The spatial part is `sted_spatial`. The temporal part does the same along time: a vertex's
+    TVCG). A stretch that the surroundings share is hardly seen; one that differs from them is. The
+    spatial part is `sted_spatial`. The temporal part does the same along time: a vertex's
     step from one frame to the next has the length τ = √(‖step‖² + dt²), δ = (τ̂ − τ)/τ, and its
     deviation is the τ-weighted standard deviation of δ over a window of steps; averaged over
     windows and vertices.
 
     The constants are this implementation's: dt = STED_TIME_STEP of the first true frame's diameter
     about its centroid, windows of STED_WINDOW steps (or all there are), and
-    c = STED_TEMPORAL_WEIGHT. Values of STED can be compared only where the constants are equal; the
-    parts are there to be weighed otherwise.
+    c = STED_TEMPORAL_WEIGHT. Values of STED can be compared only if the constants are equal; the
+    two parts are given for another weight.
 
     Args:
         truth: (F, V, 3) true frames in order of time, F ≥ 2.
@@ -96,13 +110,13 @@ def sted(truth: ArrayLike, estimate: ArrayLike, faces: ArrayLike) -> Sted:
     window = min(STED_WINDOW, len(steps))
 
     def mean(values: FloatArray) -> FloatArray:
-        """Of every whole window, (steps − window + 1, V)."""
+        """Means (steps − window + 1, V) over every whole window."""
         means = uniform_filter1d(values, window, axis=0, mode="nearest")
         first = window // 2
         return means[first : first + len(steps) - window + 1]
 
     weight = mean(steps)
-    # δ less its mean over all time, which no deviation feels: no digits are lost in the difference.
+    # Deviations do not depend on a constant: without δ's mean over all time less is cancelled.
     centred = changes - changes.mean(axis=0)
     mu = mean(steps * centred) / weight
     variance = mean(steps * centred**2) / weight - mu**2
@@ -111,7 +125,7 @@ def sted(truth: ArrayLike, estimate: ArrayLike, faces: ArrayLike) -> Sted:
 
 
 def sted_spatial(truth: ArrayLike, estimate: ArrayLike, faces: ArrayLike) -> float:
-    """The spatial part of STED, which needs no order of the shapes.
+    """The spatial part of STED, which does not depend on the order of the shapes.
 
     An edge of true length ℓ has the relative difference δ = (ℓ̂ − ℓ)/ℓ; a vertex's deviation is the
     ℓ-weighted standard deviation of δ over its edges. Averaged over shapes and over the vertices

@@ -1,8 +1,8 @@
 """Rotations: polar decomposition, exponential and logarithm with their derivative, Procrustes.
 
 A rotation vector r = θω turns by θ = ‖r‖ radians about the unit axis ω (right-handed); vectors
-longer than π stand for several turns. Functions that end in an underscore are compiled scalar
-kernels that other compiled modules call; they write into their last arguments.
+longer than π are rotations by more than half a turn. Functions that end in an underscore are
+compiled scalar kernels that other compiled modules call; they write into their last arguments.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def log_(R, r):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _closest_rotation_by_quaternion_(T, R):
-    """Horn's method: R maximises tr(Rᵀ T) over rotations; holds for singular and mirrored T."""
+    """R maximises tr(Rᵀ T) over rotations, by Horn's method; T may be singular or mirrored."""
     N = np.empty((4, 4))
     N[0, 0] = T[0, 0] + T[1, 1] + T[2, 2]
     N[1, 1] = T[0, 0] - T[1, 1] - T[2, 2]
@@ -283,8 +283,8 @@ def procrustes(
         weights: (n,) positive weights, or None for equal ones.
 
     Returns:
-        R (3, 3), a proper rotation, and t (3,). Where the points leave R open (one point, points
-        on a line) the result is one of the minimisers.
+        R (3, 3), a proper rotation, and t (3,). If the points do not determine R (one point,
+        points on a line), the result is one of the minimisers.
     """
     a = np.asarray(source, dtype=np.float64)
     b = np.asarray(target, dtype=np.float64)

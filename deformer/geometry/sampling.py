@@ -1,4 +1,4 @@
-"""Points that spread over a mesh or a set: each is the farthest from those before it."""
+"""Farthest-point sampling of a mesh or a set of points."""
 
 from __future__ import annotations
 
@@ -18,17 +18,20 @@ if TYPE_CHECKING:
 def farthest_points(
     geodesics: Geodesics, count: int, seed: int | None = None, start: ArrayLike | None = None
 ) -> IntArray:
-    """Vertices (count,) that spread over the mesh: each is the farthest from those before it.
+    """Vertices spread over a mesh: each is the one farthest from those before it.
 
     Args:
-        geodesics: distances of the mesh.
-        count: how many, at most V.
-        seed: draws the first vertex, when `start` is None.
-        start: vertices to begin with (they count).
+        geodesics: distances over the mesh of V vertices.
+        count: number of vertices, at most V.
+        seed: seed of the random first vertex, used if `start` is None.
+        start: (n,) vertices to begin with; they are among the `count`.
 
     Returns:
-        Indices in order of choice, all different. A component without a point is infinitely far,
-        so every component gets one early.
+        Indices (count,) in order of choice, all different. A connected component without a chosen
+        vertex is infinitely far, so every component gets one early.
+
+    Raises:
+        InputError: `count` is not in 1…V.
     """
     V = len(geodesics.mesh.vertices)
     if not 1 <= count <= V:
@@ -41,9 +44,14 @@ def farthest_points(
 
 
 def spread(points: FloatArray, count: int) -> IntArray:
-    """Up to `count` of the points (N, d), straight-line farthest: each from those before it.
+    """Farthest points of a set, by Euclidean distance, from the one nearest to the origin on.
 
-    The first is the one nearest to the origin.
+    Args:
+        points: (N, d).
+        count: number of points, unless N is less.
+
+    Returns:
+        Indices in order of choice.
     """
     first = int(np.linalg.norm(points, axis=1).argmin())
     count = min(count, len(points))
@@ -51,15 +59,15 @@ def spread(points: FloatArray, count: int) -> IntArray:
 
 
 def farthest_rows(points: NDArray, count: int) -> tuple[IntArray, IntArray]:
-    """Farthest points among the rows (N, d), straight-line, from the first row on.
+    """Farthest points of a set, by Euclidean distance, from the first one on.
 
     Args:
-        points: (N, d) rows, of any floating dtype; distances are computed in it.
-        count: how many, at most N.
+        points: (N, d), of any floating dtype; distances are computed in it.
+        count: number of points, at most N.
 
     Returns:
-        Indices (count,) in order of choice; for every row (N,) which of the chosen, 0…count − 1,
-        is nearest.
+        Indices (count,) in order of choice; and, for every point (N,), the number of the nearest
+        chosen one, 0…count − 1.
     """
 
     def squares_from(i: int) -> NDArray:
@@ -72,16 +80,17 @@ def farthest_rows(points: NDArray, count: int) -> tuple[IntArray, IntArray]:
 def _farthest(
     distances_from: Callable[[int], NDArray], first: list[int], count: int
 ) -> tuple[IntArray, IntArray]:
-    """Continue the points `first` to `count`: each is the farthest from those before it.
+    """Farthest points, from the points `first` on: each is the farthest from those before it.
 
     Args:
-        distances_from: (N,) distances, or a growing function of them, from point i to all.
-        first: points to begin with.
-        count: how many in all, at most N.
+        distances_from: gives the distances (N,) from point i to all, or an increasing function of
+            them.
+        first: points to begin with, all different.
+        count: number of points with `first`, at most N.
 
     Returns:
-        Indices (count,), all different where `first` are, and for every point (N,) which of them,
-        0…count − 1, is nearest.
+        Indices (count,), all different; and, for every point (N,), the number of the nearest chosen
+        one, 0…count − 1.
     """
     chosen = list(first)
     nearest = distances_from(chosen[0]).copy()
@@ -94,6 +103,6 @@ def _farthest(
             closer = distances < nearest
             nearest[closer] = distances[closer]
             labels[closer] = n
-        # A chosen point is not chosen again, even where others are at no distance from it.
+        # A chosen point is not chosen again, even if all others coincide with it.
         nearest[chosen[n]], labels[chosen[n]] = -np.inf, n
     return np.array(chosen[:count], dtype=np.int64), labels

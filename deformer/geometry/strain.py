@@ -1,4 +1,4 @@
-"""How much the faces of a deformed mesh are stretched and squeezed."""
+"""Principal stretches of the faces of a deformed mesh."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class FaceStrain:
     """Principal stretches of every face against a reference.
 
     Args:
-        reference: the undeformed mesh. A face without area there counts as not stretched.
+        reference: the undeformed mesh. The stretch of a face without area is 1.
     """
 
     def __init__(self, reference: Mesh) -> None:
@@ -36,6 +36,9 @@ class FaceStrain:
 
         They are the singular values of the linear map from the reference's face to the deformed
         one.
+
+        Raises:
+            InputError: the shape of the array is not the reference's.
         """
         p = np.asarray(vertices, dtype=np.float64)
         if p.shape != self._shape:
@@ -52,9 +55,15 @@ class FaceStrain:
         return stretches
 
     def signed(self, vertices: ArrayLike) -> FloatArray:
-        """The principal stretch (F,) farthest from 1, as a logarithm to base 2.
+        """Logarithm to base 2 of the principal stretch (F,) farthest from 1.
 
         1 is twice as long, −1 half as long, 0 unchanged.
+
+        Args:
+            vertices: (V, 3) of the deformed mesh.
+
+        Raises:
+            InputError: the shape of the array is not the reference's.
         """
         logs = np.log2(np.maximum(self.principal(vertices), 1e-6))
         return np.where(np.abs(logs[:, 0]) >= np.abs(logs[:, 1]), logs[:, 0], logs[:, 1])

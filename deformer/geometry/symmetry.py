@@ -1,4 +1,4 @@
-"""The plane that a body is symmetric about, and the vertex opposite to each vertex."""
+"""The plane of symmetry of a body, and the vertex opposite to each vertex."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from scipy.spatial import KDTree
 from deformer.errors import InputError
 from deformer.geometry.mesh import FloatArray, IntArray, Mesh
 
-_SAMPLES = 1500
-_ROUNDS = 30
-# Misfits below this, in bounding diagonals, are alike.
-_ROUNDING = 1e-6
+_SAMPLE_COUNT = 1500
+_ITERATIONS = 30
+# Misfits that differ by less than this, in bounding diagonals, count as equal.
+_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,9 +24,9 @@ class Symmetry:
     Args:
         point: (3,) on the plane.
         normal: (3,) unit normal.
-        opposite: (V,) the vertex nearest to each vertex's mirror image.
-        error: root mean square distance from mirror image to that vertex, in bounding diagonals;
-            0 for a body that is perfectly symmetric.
+        opposite: (V,) int64 the vertex nearest to each vertex's mirror image.
+        error: root mean square distance between mirror images and their opposite vertices, in
+            bounding diagonals; 0 for a perfectly symmetric body.
     """
 
     point: FloatArray
@@ -41,39 +41,48 @@ class Symmetry:
 
 
 def find_symmetry(mesh: Mesh) -> Symmetry:
-    """The mirror plane that fits a mesh best, in whatever pose it is.
+    """The mirror plane that fits a mesh best.
 
-    The principal axes and the coordinate axes are tried as normals; each is refined by pairing
-    mirror images with their nearest vertices and solving for the plane, until the pairs stand
-    still. A mesh without symmetry gets the least bad plane; `Symmetry.error` tells.
+    The principal axes and the coordinate axes are tried as normals. Each plane is refined by
+    pairing mirror images with their nearest vertices and solving for the plane, until the misfit
+    stops falling. A mesh without symmetry gets the plane of the least misfit, which is
+    `Symmetry.error`.
+
+    Args:
+        mesh: V vertices, in any pose.
     """
     v = mesh.vertices
     centre = v.mean(axis=0)
     axes = np.linalg.eigh(np.cov((v - centre).T))[1].T
     tree = KDTree(v)
     # A fixed draw: the same mesh has the same plane every time.
-    some = np.random.default_rng(0).permutation(len(v))[:_SAMPLES]
-    found = [_refined(tree, v[some], normal, centre) for normal in (*axes, *np.eye(3))]
-    # Of planes that fit alike, the first: which one that is must not hang on rounding.
-    limit = 1.01 * min(plane[2] for plane in found) + (_ROUNDING * mesh.bounding_diagonal) ** 2
-    point, normal, _ = next(plane for plane in found if plane[2] <= limit)
+    sample = np.random.default_rng(0).permutation(len(v))[:_SAMPLE_COUNT]
+    planes = [_refined(tree, v[sample], normal, centre) for normal in (*axes, *np.eye(3))]
+    # The first of the planes that fit equally well, with a tolerance: rounding must not decide.
+    limit = 1.01 * min(plane[2] for plane in planes) + (_TOLERANCE * mesh.bounding_diagonal) ** 2
+    point, normal, _ = next(plane for plane in planes if plane[2] <= limit)
     return _paired(mesh, tree, point, normal)
 
 
 def symmetry_about(mesh: Mesh, point: ArrayLike, normal: ArrayLike) -> Symmetry:
-    """The mirror plane through `point` (3,) with `normal` (3,) of any length.
+    """The mirror plane through a point, and the vertices of a mesh that it pairs.
+
+    Args:
+        mesh: V vertices.
+        point: (3,) on the plane.
+        normal: (3,) of any length.
 
     Raises:
         InputError: `normal` is zero, or a number is not finite.
     """
-    place, direction = np.asarray(point, dtype=np.float64), np.asarray(normal, dtype=np.float64)
+    origin, direction = np.asarray(point, dtype=np.float64), np.asarray(normal, dtype=np.float64)
     length = float(np.linalg.norm(direction))
-    if not (np.isfinite(place).all() and np.isfinite(length) and length > 0):
+    if not (np.isfinite(origin).all() and np.isfinite(length) and length > 0):
         raise InputError(
             f"mirror plane: expected finite numbers and a normal other than zero, got point "
-            f"{place.tolist()} and normal {direction.tolist()}"
+            f"{origin.tolist()} and normal {direction.tolist()}"
         )
-    return _paired(mesh, KDTree(mesh.vertices), place, direction / length)
+    return _paired(mesh, KDTree(mesh.vertices), origin, direction / length)
 
 
 def _refined(
@@ -81,7 +90,7 @@ def _refined(
 ) -> tuple[FloatArray, FloatArray, float]:
     """Point, normal and mean squared misfit of the best plane near the given one."""
     best = point, normal, np.inf
-    for _ in range(_ROUNDS):
+    for _ in range(_ITERATIONS):
         image = points - 2.0 * ((points - point) @ normal)[:, None] * normal
         distance, nearest = tree.query(image)
         misfit = float((np.asarray(distance) ** 2).mean())

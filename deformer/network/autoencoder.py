@@ -19,7 +19,8 @@ class MeanOverRing(nn.Module):
     """Mean over the one-ring: x (V, …) to (V, …), 0 for a vertex without neighbours.
 
     Args:
-        indptr, rings: one-rings in compressed rows, as `mesh.one_rings` gives them.
+        indptr, rings: one-rings in compressed rows, (V + 1,) and (2E,) int64, as
+            `deformer.geometry.one_rings` returns them.
     """
 
     def __init__(self, indptr: IntArray, rings: IntArray) -> None:
@@ -34,25 +35,33 @@ class MeanOverRing(nn.Module):
         self.register_buffer("inverse_degree", inverse, persistent=False)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Average the neighbours' rows."""
+        """Mean (V, …) of the neighbours' rows of x (V, …)."""
         inverse = self.inverse_degree.to(x.dtype)
         return _RingMean.apply(x, self.crow, self.rows, self.columns, inverse)
 
 
 def ring_sum(x: Tensor, crow: Tensor, rows: Tensor, columns: Tensor) -> Tensor:
-    """Sum over the ring, y_i = Σ_j x_j, of rows x (V, m)."""
-    if x.device.type == "mps":  # no sparse products there
+    """Sum over the one-ring, y_i = Σ_j x_j (V, m), of rows x (V, m).
+
+    Args:
+        x: (V, m) floating point.
+        crow: (V + 1,) int64 row starts of the one-rings.
+        rows: (2E,) int64 vertex of every entry of `columns`.
+        columns: (2E,) int64 neighbours.
+    """
+    if x.device.type == "mps":  # it has no sparse products
         return torch.zeros_like(x).index_add_(0, rows, x[columns])
     ones = torch.ones(len(columns), dtype=x.dtype, device=x.device)
     size = (len(x), len(x))
     with warnings.catch_warnings():
-        # torch (2.6 to 2.13) calls them beta once a process; products are settled.
+        # torch (2.6 to 2.13) warns once a process that CSR tensors are in beta; the product used
+        # here is stable.
         warnings.filterwarnings("ignore", message="Sparse CSR tensor support is in beta")
         return torch.sparse_csr_tensor(crow, columns, ones, size, check_invariants=False) @ x
 
 
 class _RingMean(torch.autograd.Function):
-    """D⁻¹ A x with gradient A D⁻¹ g; A is symmetric, so one product serves both ways."""
+    """D⁻¹ A x, with the gradient A D⁻¹ g: A is symmetric, so both need the same product."""
 
     @staticmethod
     def forward(ctx: Any, x: Tensor, *graph: Tensor) -> Tensor:
@@ -90,22 +99,22 @@ class GraphConv(nn.Module):
         nn.init.xavier_uniform_(self.neighbour)
 
     def forward(self, x: Tensor, mean: Tensor) -> Tensor:
-        """Encoder direction; x and its ring mean (…, d) to (…, d')."""
+        """Encoder direction: output (…, d') for x and its ring mean, both (…, d)."""
         return x @ self.point.T + mean @ self.neighbour.T + self.bias
 
     def back(self, y: Tensor, mean: Tensor) -> Tensor:
-        """Decoder direction with transposed weights; (…, d') to (…, d)."""
+        """Decoder direction, with transposed weights: (…, d) for y and its ring mean (…, d')."""
         return y @ self.point + mean @ self.neighbour + self.bias_back
 
 
 class MeshAutoencoder(nn.Module):
-    """The autoencoder of scaled features; z = C f, f̂ = Cᵀ z with weights tied throughout.
+    """The autoencoder of scaled features: z = C f and f̂ = Cᵀ z, with tied weights.
 
-    tanh follows every convolution but the encoder's last when there are several. Arrays run
-    vertex first, (V, N, ·), so that the ring mean is one sparse product.
+    A tanh follows every convolution, except the encoder's last one if there are several. The first
+    dimension of arrays is the vertex, (V, N, ·), so that the ring mean is one sparse product.
 
     Args:
-        indptr, rings: one-rings of the mesh.
+        indptr, rings: one-rings of the mesh, as `deformer.geometry.one_rings` returns them.
         components: K.
         layers: widths of the encoder's convolutions.
     """
@@ -119,9 +128,9 @@ class MeshAutoencoder(nn.Module):
         self.mean = MeanOverRing(indptr, rings)
         widths = [FEATURES, *layers]
         self.convs = nn.ModuleList(GraphConv(a, b) for a, b in pairwise(widths))
-        # What a component holds of its random start beyond the span of the examples is never
-        # unlearned and adds to the error on other shapes: a start well below the size of the
-        # features costs nothing and fits those better.
+        # Training never removes the part of a component's random start that is outside the span of
+        # the examples, and that part adds to the error on other shapes. A start much smaller than
+        # the features keeps it small at no cost.
         scale = 0.1 / (V * widths[-1]) ** 0.5
         self.C = nn.Parameter(scale * torch.randn(V, widths[-1], components))
 
@@ -150,17 +159,17 @@ class MeshAutoencoder(nn.Module):
 
     @torch.no_grad()
     def start_from_components(self, x: Tensor) -> None:
-        """Begin near the best linear answer for scaled features x (V, N, 9), N ≥ 1.
+        """Initialise near the best linear autoencoder of scaled features x (V, N, 9), N ≥ 1.
 
-        The convolutions start close to the identity, as far as their widths allow, and C at the
-        leading right singular vectors of the convolved features; components beyond their number
-        keep a reduced random start.
+        The convolutions start close to the identity, as far as their widths allow, and C with the
+        leading right singular vectors of the convolved features. Components that exceed the number
+        of singular vectors keep their random start.
         """
         for conv in self.layers:
             conv.point.mul_(0.1).add_(1.1 * torch.eye(*conv.point.shape, device=x.device))
             conv.neighbour.mul_(0.1)
         f = self._convolve(x)
-        # Through the small Gram matrix (N, N): the memory stays that of f.
+        # From the Gram matrix (N, N), which needs little memory beside f.
         values, vectors = torch.linalg.eigh(f @ f.T)
         count = min(self.C.shape[2], int((values > 1e-6 * values[-1]).sum()))
         leading = vectors[:, -count:].flip(1) / values[-count:].flip(0).sqrt()

@@ -1,4 +1,4 @@
-"""What decides a training, and the two configurations that come with the program."""
+"""Configuration of a training, and the presets "default" and "paper"."""
 
 from __future__ import annotations
 
@@ -18,21 +18,22 @@ class AdamSettings:
 
     Args:
         layers: output width of each graph convolution of the encoder; the last is the paper's μ.
-        epochs: steps of Adam.
+        epochs: number of steps.
         sparsity: λ₁, weight of Ω(C).
         range_weight: λ₂, weight of V(Z).
-        range_limit: θ, the latent magnitude that V(Z) leaves free.
-        learning_rate: of Adam; its peak where `schedule` is "cosine".
-        schedule: after a short rise "constant" (the paper), or "cosine": down to a hundredth.
-        batch: examples drawn for every step; 0 takes all of them (the paper).
-        mixed_shapes: shapes mixed from two examples, region by region, that are added to every
-            step; 0 trains on the examples alone (the paper).
-        initial: "random" weights, or "pca": the principal components of the first layer's output;
-            the paper does not say.
-        pruning: after training, weights ‖C_k^i‖ below this share of component k's largest become
-            zero, so that supports end somewhere; 0 keeps all (the paper).
-        encoder: of shapes, once the network is trained: the "network"'s own (the paper), or, for
-            one layer, "projection": the code of least squares in front of the decoder's tanh
+        range_limit: θ, the latent magnitude up to which V(Z) is 0.
+        learning_rate: Adam's learning rate; the peak if `schedule` is "cosine".
+        schedule: course of the learning rate after a short rise: "constant" (the paper), or
+            "cosine", which falls to a hundredth.
+        batch: number of examples drawn for every step; 0 uses all of them (the paper).
+        mixed_shapes: number of shapes, each mixed from two examples region by region, that are
+            added to every step; 0 trains on the examples alone (the paper).
+        initial: "random" weights, or "pca": principal components of the convolved features; the
+            paper does not say.
+        pruning: after training, weights ‖C_k^i‖ below this share of component k's largest are set
+            to zero, which bounds the supports; 0 keeps all weights (the paper).
+        encoder: how the trained model encodes shapes: "network" is the network's own encoder (the
+            paper); "projection", for one layer, is least squares in front of the decoder's tanh
             (`Decoder.project`).
 
     Raises:
@@ -83,14 +84,15 @@ class AdamSettings:
 
 @dataclass(frozen=True)
 class FactorisationSettings:
-    """Training that alternates between codes and components, each the best for the other.
+    """Training by alternating minimisation over codes, centres and components.
 
     The network has one layer, and shapes are encoded by projection (`Decoder.project`).
 
     Args:
         epochs: rounds of codes, centres and components.
-        sparsity: λ₁ for data of unit variance, of which at least 2 is charged from d_max on; None
-            has it chosen by how well examples left out are recovered from a few of their vertices.
+        sparsity: λ₁, for data of unit variance; at distances from d_max on it is at least 2. None
+            chooses λ₁ by cross-validation: by the errors of held-out examples that are recovered
+            from a few of their vertices.
 
     Raises:
         InputError: a value out of its range.
@@ -115,18 +117,18 @@ _SETTINGS = {settings.method: settings for settings in (AdamSettings, Factorisat
 
 @dataclass(frozen=True)
 class ModelConfig:
-    """Everything that decides what a training run gives, beside the shapes and the seed.
+    """Everything that the result of a training depends on, beside the shapes and the seed.
 
     Args:
         name: "paper", "default", or a name of one's own.
-        components: K, dimensions of the latent code.
-        training: the method, Adam (the paper) or a factorisation, and what it alone needs.
+        components: K, the dimension of the latent code.
+        training: settings of the training method: Adam (the paper) or a factorisation.
         d_min, d_max: geodesic distances, divided by the largest, between which Λ rises from 0
             to 1.
-        denoised: take the examples' noise off first, where there is any (`remove_noise`); False is
-            the paper.
-        mirrored: train on the examples' mirror images, too, where the body is symmetric and they
-            help to explain the examples (`images_explain`); False is the paper.
+        denoised: remove the examples' noise first, if there is any (`remove_noise`); False is the
+            paper.
+        mirrored: train also on the examples' mirror images, if they help to explain the examples
+            (`images_explain`); False is the paper.
         align: remove each shape's rigid motion against the reference before anything else.
 
     Raises:
@@ -159,7 +161,10 @@ class ModelConfig:
         return self.training.encoder == "projection"
 
     def with_training(self, **changes: Any) -> ModelConfig:
-        """The same configuration with other values for some fields of `training`.
+        """A copy with other values for some fields of `training`.
+
+        Args:
+            changes: field → value.
 
         Raises:
             InputError: a value out of its range.
@@ -208,12 +213,12 @@ def resolve_config(
     epochs: int | None = None,
     align: bool | None = None,
 ) -> ModelConfig:
-    """A preset by name, or a config, with other values for what is not None.
+    """A preset by name, or a config, changed by the arguments that are not None.
 
     Args:
         config: "default", "paper" or a ModelConfig.
         components: K, as in `ModelConfig`.
-        epochs: of its training.
+        epochs: as in its `training`.
         align: as in `ModelConfig`.
 
     Raises:

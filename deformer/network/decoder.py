@@ -1,8 +1,8 @@
 """A trained decoder as plain arrays: features, their differential and its transpose.
 
 The linear map Cᵀ and the linear part of the first decoder convolution collapse into one matrix,
-so a network of one layer costs one matrix-vector product and one tanh. A decoder can be restricted
-to a few vertices; it then holds only what those depend on.
+so a network of one layer costs one matrix-vector product and one tanh. A decoder restricted to a
+few vertices contains only the rows that these vertices depend on.
 """
 
 from __future__ import annotations
@@ -33,16 +33,24 @@ def _affine(start, stop, matrix, z, bias, out):
             out[i, d] = total
 
 
-# Features beyond what the tanh can give count as this much of it.
+# Scaled features are clipped to ± this before artanh.
 _SATURATED = 0.99
 _RIDGE = 1e-7
-# Rows of the matrix that are in double precision at once.
+# Rows of the matrix that are converted to double precision at once: bounds memory.
 _ROWS = 4096
 
 
 @dataclass(frozen=True, eq=False)
 class _Layer:
-    """tanh(x_own point + (mean x) neighbour + bias), for the vertices that later layers need."""
+    """tanh(x_own point + (mean x) neighbour + bias), for the vertices that later layers need.
+
+    Args:
+        own: (n,) input row of each of the layer's n vertices.
+        mean: (n, m) averages the m input rows over the one-rings.
+        point: (d', d) weights of the vertex itself, transposed.
+        neighbour: (d', d) weights of the ring mean, transposed.
+        bias: (d,).
+    """
 
     own: IntArray
     mean: sparse.csr_array
@@ -53,28 +61,28 @@ class _Layer:
     def __call__(self, x: FloatArray) -> FloatArray:
         return np.tanh(x[self.own] @ self.point + (self.mean @ x) @ self.neighbour + self.bias)
 
-    def push(self, dx: FloatArray, y: FloatArray) -> FloatArray:
-        """Differentials (K, n, ·) through the layer with output y."""
+    def pushforward(self, dx: FloatArray, y: FloatArray) -> FloatArray:
+        """Differentials (K, n, d) of the output y (n, d) for those of the input, dx (K, m, d')."""
         averaged = np.stack([self.mean @ d for d in dx])
         return (dx[:, self.own] @ self.point + averaged @ self.neighbour) * (1.0 - y**2)
 
-    def pull(self, g: FloatArray, y: FloatArray, size: int) -> FloatArray:
-        """Gradients (m, n, ·) back through the layer with output y and `size` input rows."""
+    def pullback(self, g: FloatArray, y: FloatArray, size: int) -> FloatArray:
+        """Gradients for the `size` input rows, given those for the output y (n, d), g (·, n, d)."""
         g = g * (1.0 - y**2)
-        spread = g @ self.neighbour.T
-        back = np.stack([self.mean.T @ s for s in spread])
-        back[:, self.own] += g @ self.point.T
-        return back.reshape(len(g), size, -1)
+        by_mean = g @ self.neighbour.T
+        total = np.stack([self.mean.T @ row for row in by_mean])
+        total[:, self.own] += g @ self.point.T
+        return total.reshape(len(g), size, -1)
 
 
 class Decoder:
-    """z (K,) to features (V, 9), or to those of the vertices it is restricted to.
+    """Features (n, 9) of latent codes z (K,), for all vertices or some.
 
     Args:
-        weights: of the trained network.
-        scaler: the feature scaling it was trained with.
-        indptr, rings: one-rings of the mesh.
-        vertices: (n,) the vertices wanted; None is all.
+        weights: weights of the trained network.
+        scaler: the feature scaling that it was trained with.
+        indptr, rings: one-rings of the mesh, as `deformer.geometry.one_rings` returns them.
+        vertices: (n,) int64 the vertices to decode; None decodes all, n = V.
     """
 
     def __init__(
@@ -96,14 +104,14 @@ class Decoder:
         rows = np.arange(V) if vertices is None else np.asarray(vertices, dtype=np.int64)
         self._layers: list[_Layer] = []
         for point, neighbour, bias in reversed(convs[1:]):
-            below = rows
+            inputs = rows
             if vertices is not None:
-                below = np.unique(np.concatenate([rows, mean[rows].indices]))
-            place = np.zeros(V, dtype=np.int64)
-            place[below] = np.arange(len(below))
-            layer = _Layer(place[rows], mean[rows][:, below], point, neighbour, bias)
+                inputs = np.unique(np.concatenate([rows, mean[rows].indices]))
+            input_row = np.zeros(V, dtype=np.int64)
+            input_row[inputs] = np.arange(len(inputs))
+            layer = _Layer(input_row[rows], mean[rows][:, inputs], point, neighbour, bias)
             self._layers.insert(0, layer)
-            rows = below
+            rows = inputs
         C = weights.C
         self.components = C.shape[2]
         self.vertex_count = len(rows) if not self._layers else len(self._layers[-1].own)
@@ -118,11 +126,11 @@ class Decoder:
         self.gain, self.offset = scaler.gain, scaler.offset
 
     def features(self, z: FloatArray) -> FloatArray:
-        """Features (n, 9) of a latent code (K,)."""
+        """Features (n, 9) of a latent code z (K,)."""
         return self._activations(z)[-1] * self.gain + self.offset
 
     def single_features(self, z: FloatArray) -> FloatArray:
-        """Features (n, 9), the affine first part in single precision."""
+        """Features (n, 9) of a latent code z (K,), the affine first part in single precision."""
         x: NDArray = self._first(z.astype(np.float32))
         for layer in self._layers:
             x = layer(x)
@@ -147,12 +155,12 @@ class Decoder:
         slope = 1.0 - outputs[0] ** 2
         dx = np.moveaxis(self.matrix, 2, 0) * slope
         for layer, y in zip(self._layers, outputs[1:], strict=True):
-            dx = layer.push(dx, y)
+            dx = layer.pushforward(dx, y)
         return outputs[-1] * self.gain + self.offset, dx * self.gain
 
     @property
     def pointwise(self) -> bool:
-        """Whether a vertex's features depend on one tanh of its own rows alone (one layer)."""
+        """True for one layer: a vertex's features are then a tanh of its own rows times z."""
         return not self._layers
 
     def pointwise_slope(self, q: FloatArray) -> FloatArray:
@@ -176,7 +184,7 @@ class Decoder:
             M = (self.matrix[part] * weights[part, :, None]).reshape(-1, K)
             A += M.T @ M
             b += M.T @ goal[part].ravel()
-        # Components that reach nothing get no code.
+        # With the ridge, components without effect have the code 0.
         A += _RIDGE * max(np.trace(A) / K, 1e-30) * np.eye(K)
         return np.asarray(np.linalg.solve(A, b), dtype=np.float64)
 
@@ -185,7 +193,7 @@ class Decoder:
         outputs = self._activations(z)
         g = g * self.gain
         for layer, x, y in zip(self._layers[::-1], outputs[-2::-1], outputs[:0:-1], strict=True):
-            g = layer.pull(g, y, len(x))
+            g = layer.pullback(g, y, len(x))
         g = g * (1.0 - outputs[0] ** 2)
         total = np.zeros((len(g), self.components))
         for start in range(0, len(self.matrix), _ROWS):

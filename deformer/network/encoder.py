@@ -17,11 +17,11 @@ class Encoder:
     """Features (N, V, 9) to latent codes (N, K).
 
     Args:
-        weights: of the network.
+        weights: weights of the trained network.
         scaler: the feature scaling that it was trained with.
-        indptr, rings: one-rings of the mesh.
-        projection: decoder to encode with, by `Decoder.project`; None encodes with the network's
-            own encoder (Tan et al. 2018).
+        indptr, rings: one-rings of the mesh, as `deformer.geometry.one_rings` returns them.
+        projection: decoder whose `Decoder.project` encodes; None encodes with the network's own
+            encoder (Tan et al. 2018).
     """
 
     def __init__(

@@ -46,7 +46,7 @@ def loss(
 
     Args:
         x: (V, N, 9) scaled features of the shapes.
-        estimate: (V, N, 9) features that the network makes of them.
+        estimate: (V, N, 9) the network's reconstruction of them.
         z: (N, K) their latent codes.
         C: (V, μ, K) components.
         locality: Λ (V, K), of `Locality.update`.
@@ -77,8 +77,8 @@ def sparsity(C: Tensor, locality: Tensor) -> Tensor:
         C: (V, μ, K) components.
         locality: Λ (V, K).
     """
-    # Written out: torch's norm along an inner axis takes ten times as long. The floor is for the
-    # gradient, 0 where C_k^i is.
+    # Written out, since torch's norm along an inner axis takes ten times as long. The floor makes
+    # the gradient 0 where C_k^i is 0.
     lengths = C.square().sum(dim=1).clamp(min=torch.finfo(C.dtype).tiny).sqrt()
     return (locality * lengths).sum() / C.shape[2]
 
@@ -105,11 +105,11 @@ def centres(C: Tensor) -> Tensor:
 
 
 class Locality:
-    """Λ (V, K) that follows the centres of the components, K geodesic rows at a time.
+    """Λ (V, K) for the current centres of the components, from K rows of geodesic distances.
 
     Args:
         geodesics: distances over the reference.
-        d_min, d_max: as in `ModelConfig`.
+        d_min, d_max: distances, as in `ModelConfig`.
     """
 
     def __init__(self, geodesics: Geodesics, d_min: float, d_max: float) -> None:
@@ -120,7 +120,7 @@ class Locality:
         self._matrix: Tensor | None = None
 
     def update(self, C: Tensor) -> Tensor:
-        """Λ (V, K) for the current centres of C (V, μ, K); computes moved columns only."""
+        """Λ (V, K) for the centres of C (V, μ, K); recomputes only columns whose centre moved."""
         with torch.no_grad():
             found = centres(C).cpu().numpy()
         if self._centres is None or self._matrix is None:

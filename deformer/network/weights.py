@@ -36,7 +36,7 @@ class NetworkWeights:
     """Weights of an autoencoder.
 
     Args:
-        convolutions: of the encoder, the first one first.
+        convolutions: convolutions of the encoder, in its order.
         C: (V, μ, K) float32, the linear map between convolved features and the latent code.
     """
 
@@ -45,7 +45,7 @@ class NetworkWeights:
 
     @property
     def arrays(self) -> dict[str, Weights]:
-        """All arrays by the names that `MeshAutoencoder.state_dict` gives them, sorted by name."""
+        """All arrays by their names in `MeshAutoencoder.state_dict`, sorted by name."""
         named = {"C": self.C}
         for depth, convolution in enumerate(self.convolutions):
             for name, array in vars(convolution).items():
@@ -54,7 +54,7 @@ class NetworkWeights:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray]) -> NetworkWeights:
-        """Weights from `arrays`, the inverse of the property of that name.
+        """Weights from arrays by name: the inverse of the property `arrays`.
 
         Raises:
             KeyError: an array is missing.
@@ -87,7 +87,7 @@ def ring_mean(indptr: IntArray, rings: IntArray) -> sparse.csr_array:
     """Matrix (V, V) that averages over the one-ring; 0 for a vertex without neighbours.
 
     Args:
-        indptr, rings: one-rings in compressed rows, as `deformer.geometry.one_rings` gives them.
+        indptr, rings: one-rings in compressed rows, as `deformer.geometry.one_rings` returns them.
     """
     degree = np.diff(indptr)
     data = np.repeat(1.0 / np.maximum(degree, 1), degree)
