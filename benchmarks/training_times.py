@@ -16,7 +16,7 @@ from rich.table import Table
 
 from deformer.evaluation.journal import FAILURE
 from deformer.evaluation.measurements import run_job
-from deformer.evaluation.methods import Setting, known_methods, offers_codes
+from deformer.evaluation.methods import Setting, has_components, known_methods
 from deformer.evaluation.plan import Job, Measurement, Training
 from deformer.evaluation.sources import Source
 from deformer.evaluation.splits import random_split
@@ -36,7 +36,7 @@ def main() -> None:
     asked = options.methods.split(",")
     found = {}
     for method in track([OURS, *(name for name in asked if name != OURS)], "training"):
-        components = options.components if offers_codes(method) else 0
+        components = options.components if has_components(method) else 0
         setting = Setting(epochs=options.epochs) if method.startswith(OURS) else Setting()
         training = Training(source, split, 0, method, components, setting=setting)
         job = Job(training, (Measurement("training", (), components, 0),))

@@ -1,4 +1,4 @@
-"""Arguments of a method's functions as arrays, or one clear line about what is wrong."""
+"""Checks that turn the arguments of a method into arrays or raise InputError."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from deformer.geometry import FloatArray, IntArray
 
 
 def checked_shapes(vertices: ArrayLike, vertex_count: int) -> FloatArray:
-    """Shapes (N, V, 3), finite."""
+    """Finite shapes (N, V, 3); InputError for any others."""
     shapes = np.asarray(vertices, dtype=np.float64)
     if shapes.ndim != 3 or shapes.shape[1:] != (vertex_count, 3):
         raise InputError(
@@ -27,7 +27,7 @@ def checked_shapes(vertices: ArrayLike, vertex_count: int) -> FloatArray:
 
 
 def checked_codes(codes: ArrayLike, size: int) -> FloatArray:
-    """Codes (N, size), finite."""
+    """Finite codes (N, size); InputError for any others."""
     array = np.asarray(codes, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != size or not np.isfinite(array).all():
         raise InputError(f"codes: expected finite numbers of shape (N, {size}), got {array.shape}")
@@ -37,7 +37,7 @@ def checked_codes(codes: ArrayLike, size: int) -> FloatArray:
 def checked_handles(
     vertices: ArrayLike, targets: ArrayLike, vertex_count: int
 ) -> tuple[IntArray, FloatArray]:
-    """Handles: vertices (H,), all different, H ≥ 1, and finite targets (H, 3)."""
+    """Vertices (H,) int64, all different, H ≥ 1, and finite targets (H, 3); else InputError."""
     index = np.asarray(vertices)
     goals = np.asarray(targets, dtype=np.float64)
     if index.ndim != 1 or len(index) == 0 or not np.issubdtype(index.dtype, np.integer):
@@ -65,7 +65,7 @@ def checked_handles(
 
 
 def checked_training(shape_count: int, components: int, noise: float | None) -> None:
-    """Enough shapes, at least one component, and a noise that can be divided by."""
+    """InputError unless there are 2 shapes, 1 component and a positive noise (or None)."""
     if shape_count < 2:
         raise InputError(f"shapes: expected at least 2 training shapes, got {shape_count}")
     if components < 1:

@@ -1,9 +1,9 @@
 """A mesh from edge lengths and dihedral angles by two linear solves.
 
-Every triangle is laid out flat by its lengths; the dihedral angle of an edge says how the frame of
-one triangle is turned against the other's. First come all frames at once, then the vertices.
-After Wang et al., "Articulated-Motion-Aware Sparse Localized Decomposition" (2017), who
-reconstruct by such connection maps.
+Edge lengths give each triangle in its own plane; the dihedral angle of an edge gives the rotation
+between the frames of its two triangles. The first solve gives all frames, the second the vertices.
+After Wang et al., "Articulated-Motion-Aware Sparse Localized Decomposition" (2017), who reconstruct
+by such connection maps.
 """
 
 from __future__ import annotations
@@ -25,20 +25,21 @@ from deformer.linalg import SparseCholesky
 # Rounds of inverse iteration for the frames, and the shift that keeps their matrix definite.
 _ROUNDS = 4
 _SHIFT = 1e-8
-# Height of a triangle, in its longest edge, where the lengths contradict each other.
-_FLATTEST = 1e-3
+# Least height of a triangle, relative to its longest edge: lengths may violate the triangle
+# inequality.
+_LEAST_HEIGHT = 1e-3
 
 
 class Connection:
-    """First guess at the shape of given lengths and angles.
+    """Approximate shape of given edge lengths and dihedral angles, the start of `Shell.closest`.
 
     Args:
-        shell: the measures.
-        poisson: of the same reference.
+        shell: edges and rest state of the reference.
+        poisson: Poisson system of the same reference.
     """
 
     def __init__(self, shell: Shell, poisson: PoissonSystem) -> None:
-        """Find which edges belong to which triangles."""
+        """Find the edges of each triangle."""
         self._shell, self._poisson = shell, poisson
         mesh = shell.reference
         self._faces = mesh.faces
@@ -47,7 +48,7 @@ class Connection:
         keys = pairs[:, 0] * V + pairs[:, 1]
         half = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=-1)
         ends = np.sort(half, axis=-1)
-        # Edge of every side (a b, b c, c a) of every face, and whether it runs the other way.
+        # Edge of each side (a b, b c, c a) of each face; true where the side runs against it.
         self._edge: IntArray = np.searchsorted(keys, ends[..., 0] * V + ends[..., 1])
         self._against = half[..., 0] != ends[..., 0]
         left = np.full(len(pairs), -1, dtype=np.int64)
@@ -59,15 +60,15 @@ class Connection:
         weights = cotan_weights(mesh)
         self._cotan = np.asarray(weights[pairs[:, 0], pairs[:, 1]]).ravel()
         own = sparse.diags_array(np.asarray(weights.sum(axis=1)).ravel()) - weights
-        # What the system's bridges between components pull, as in the reference.
+        # Right-hand side of the edges that the system adds between components, at rest.
         self._bridges = (poisson.laplacian - own) @ mesh.vertices
         self._labels = connected_components(mesh.faces, V)[1][mesh.faces[:, 0]]
 
     def shape(self, features: FloatArray) -> FloatArray:
-        """Vertices (V, 3) of features (E, 2) of the shell, its centroid the reference's."""
+        """Vertices (V, 3) of features (E, 2) of the shell, centroid at the reference's."""
         shell = self._shell
         measured = features / np.where(shell.unit > 0, shell.unit, 1.0)
-        # A length cannot vanish, whatever the features say.
+        # Features may ask for lengths of 0 or less.
         lengths = np.maximum(measured[:, 0] + shell.rest_lengths, 0.05 * shell.rest_lengths)
         layout = self._layout(lengths[self._edge])
         R = self._frames(layout, shell.rest_angles + measured[:, 1])
@@ -86,18 +87,18 @@ class Connection:
         """Corners (F, 3, 2) of triangles with sides a b, b c, c a of lengths (F, 3)."""
         ab, bc, ca = lengths.T
         x = (ab**2 + ca**2 - bc**2) / (2.0 * ab)
-        y = np.sqrt(np.maximum(ca**2 - x**2, (_FLATTEST * lengths.max(axis=1)) ** 2))
+        y = np.sqrt(np.maximum(ca**2 - x**2, (_LEAST_HEIGHT * lengths.max(axis=1)) ** 2))
         zero = np.zeros_like(x)
         return np.stack(
             [np.stack([zero, zero], -1), np.stack([ab, zero], -1), np.stack([x, y], -1)], axis=1
         )
 
     def _frames(self, layout: FloatArray, angles: FloatArray) -> FloatArray:
-        """Rotations (F, 3, 3) of the laid-out triangles that fit the dihedral angles (E,) best.
+        """Frames (F, 3, 3) of the triangles that fit the dihedral angles (E,) best.
 
-        The frames of least Σ ‖R_g − R_f C_fg‖² over neighbours, orthonormal in the mean instead of
-        each: the lowest eigenvectors of the connection's Laplacian, by inverse iteration from the
-        frames of the reference. Then every frame is brought to the closest rotation.
+        Minimises Σ ‖R_g − R_f C_fg‖² over neighbours, with frames orthonormal on average instead of
+        each: the lowest eigenvectors of the connection Laplacian, by inverse iteration from the
+        frames of the reference. Each frame is then replaced by its closest rotation.
         """
         F = len(layout)
         sides = np.roll(layout, -1, axis=1) - layout
@@ -107,7 +108,7 @@ class Connection:
         from_left, from_right = np.zeros(len(angles)), np.zeros(len(angles))
         from_left[self._edge[~self._against]] = heading[~self._against]
         from_right[self._edge[self._against]] = heading[self._against]
-        # C = turn in the plane to the edge, fold about it, turn back in the other plane.
+        # C = R_z(to the edge) R_x(dihedral angle) R_z(back from the edge, in the other plane).
         C = _about_z(from_left[inner]) @ _about_x(angles[inner]) @ _about_z(-from_right[inner])
         f, g = self._left, self._right
         degree = np.bincount(np.concatenate([f, g]), minlength=F) + _SHIFT
@@ -132,18 +133,18 @@ class Connection:
         return closest_rotations(X.reshape(F, 3, 3).transpose(0, 2, 1))
 
     def _orthonormal(self, X: FloatArray) -> FloatArray:
-        """Blocks X_f (F, 3, 3) times one matrix a component, so that the mean of XᵀX is one."""
+        """Blocks X_f (F, 3, 3) times one matrix a component, so that the mean of XᵀX is I."""
         for label in range(self._labels.max() + 1):
             own = self._labels == label
             values, vectors = np.linalg.eigh(np.einsum("fab,fac->bc", X[own], X[own]) / own.sum())
             X[own] = X[own] @ ((vectors / np.sqrt(np.maximum(values, 1e-300))) @ vectors.T)
-            # The eigenvectors may come out mirrored.
+            # The sign of eigenvectors is arbitrary.
             if np.linalg.det(X[own]).sum() < 0:
                 X[own] *= -1.0
         return X
 
     def _reference_frames(self) -> FloatArray:
-        """Rotations (F, 3, 3) of the reference's own triangles."""
+        """Frames (F, 3, 3) of the reference's triangles."""
         v = self._shell.reference.vertices[self._faces]
         x = v[:, 1] - v[:, 0]
         x /= np.linalg.norm(x, axis=1, keepdims=True)

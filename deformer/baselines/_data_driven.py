@@ -1,7 +1,7 @@
-"""Data-driven deformation: weights of components and vertex positions, solved for together.
+"""Data-driven deformation: a joint solve for weights of components and vertex positions.
 
-After Gao et al., "Sparse Data Driven Mesh Deformation" (arXiv 1709.01250), and the methods before
-it that it shares the energy with: Sumner et al., "Mesh-based Inverse Kinematics" (2005).
+After Gao et al., "Sparse Data Driven Mesh Deformation" (arXiv 1709.01250), whose energy goes back
+to Sumner et al., "Mesh-based Inverse Kinematics" (2005).
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from deformer.model import LatentPrior
 
 # Prior standard deviation of the rigid rotation, radians, as in `HandleEnergy`.
 _ROTATION_SCALE = 0.3
-# Examples that are started from, beside the mean; steps from each, and of the best one.
+# Number of examples that descents start from, beside the mean; first steps of each descent, and
+# further steps of the best one.
 _STARTS = 2
 _FIRST_STEPS = 4
 _STEPS = 30
@@ -27,30 +28,30 @@ _TOLERANCE = 1e-4
 
 
 class DataDrivenDeformation:
-    """Poses a mesh by a few vertices: the mesh closest to some combination of components.
+    """Poses a mesh by a few handles: the mesh closest to a combination of components.
 
-    With h the controlled vertices and Q = exp(ω), minimises over positions p, weights w, ω
+    With handles h and Q = exp(ω), `fit` minimises over positions p, weights w and ω
 
         Σ_i Σ_j c_ij ‖(p_i − p_j) − Q T_i(w) (v_i − v_j)‖² / (σ² Σ_i Σ_j c_ij ‖v_i − v_j‖²)
             + (w − μ)ᵀ Σ⁻¹ (w − μ) + ‖ω‖² / 0.3²      where p_h = q_h.
 
-    The energy is quadratic in p: positions are eliminated through the factored Laplacian and one
-    Green row a controlled vertex, and w and ω follow by damped Gauss–Newton on what is left. It
-    starts from the mean and from the examples of least energy. The first term is free of units
-    and of the number of vertices.
+    The energy is quadratic in p: the factored Laplacian and one Green's function a handle eliminate
+    the positions, and damped Gauss–Newton minimises the rest over w and ω. It starts from the mean
+    and from the examples of least energy. The first term depends neither on the unit of length nor
+    on the number of vertices.
 
-    The paper asks for sparse weights by an ℓ1 term; here they have the Gaussian prior of the
-    training weights (full covariance), which the project's own handle fit has, too, and which is
-    smooth. A global rotation is not in the paper.
+    Two departures from the paper: an ℓ1 term makes its weights sparse, here they have the Gaussian
+    prior of the training weights (full covariance), which is smooth and which the project's own
+    handle fit uses, too; and the paper has no global rotation.
 
     Args:
-        space: the components.
-        prior: of the weights.
+        space: components, and features of weights.
+        prior: Gaussian prior of the weights.
         examples: (N, K) weights of the training shapes.
     """
 
     def __init__(self, space: GradientSpace, prior: LatentPrior, examples: FloatArray) -> None:
-        """Decode the examples and find how far their gradients are from those of a mesh."""
+        """Decode the examples, and measure how far their gradients are from those of a mesh."""
         self.space, self.prior, self.examples = space, prior, examples
         self.factor = prior.factor
         poisson = space.poisson
@@ -68,7 +69,7 @@ class DataDrivenDeformation:
         self._green: dict[int, FloatArray] = {}
 
     def relaxed(self, w: FloatArray) -> tuple[FloatArray, float]:
-        """Centred vertices (V, 3) closest to the gradients of weights w, and the energy left."""
+        """Centred vertices (V, 3) closest to the gradients of weights w (K,), and the misfit."""
         T = features_to_gradients(self.space.features(w))
         b = self.space.poisson.rhs(T)
         p = self.space.solve(b[None])[0]
@@ -80,7 +81,7 @@ class DataDrivenDeformation:
         return float(np.vdot(T @ self.moments, T) - 2.0 * np.vdot(p, b))
 
     def green(self, vertices: IntArray) -> FloatArray:
-        """Green rows (H, V); those of the last call are kept."""
+        """Green's functions (H, V) of vertices (H,); those of the last call are cached."""
         new = [v for v in dict.fromkeys(vertices.tolist()) if v not in self._green]
         if new:
             rows = self.space.poisson.green_rows(new)
@@ -89,17 +90,17 @@ class DataDrivenDeformation:
         return np.array([self._green[v] for v in vertices.tolist()])
 
     def fit(self, vertices: IntArray, targets: FloatArray, noise: float) -> FloatArray:
-        """The mesh (V, 3) with vertices (H,), all different, at targets (H, 3).
+        """Vertices (V, 3) of the fitted mesh, with the handles exactly at their targets.
 
         Args:
-            vertices: at least one.
-            targets: positions.
-            noise: σ, the root mean square strain that weighs as much as one standard deviation
-                of the prior.
+            vertices: (H,) int64 handles, all different, H ≥ 1.
+            targets: (H, 3) positions.
+            noise: σ, the root mean square strain that adds as much energy as one standard deviation
+                of the prior; no unit.
         """
         G = self.green(vertices)
         inverse = schur_inverse(G[:, vertices])
-        # Stiffness of the surface against moving the controlled vertices.
+        # Stiffness of the surface against moving the handles.
         stiffness = inverse[:-1, :-1]
         goals = targets - self.space.poisson.centroid
         control = _Control(self, vertices, G, stiffness, goals, 1.0 / (noise**2 * self.size))
@@ -118,14 +119,14 @@ class DataDrivenDeformation:
         d = best.distances
         p = best.p + np.einsum("vh,ha->va", G.T, stiffness @ d) + inverse[-1, :-1] @ d
         p = p @ log_to_rotation(best.x[-3:]).T + self.space.poisson.centroid
-        # What rounding leaves is set, so that exact means exact.
+        # Removes rounding errors, so that handles are exact.
         p[vertices] = targets
         return p
 
 
 @dataclass(frozen=True, eq=False)
 class _Control:
-    """What does not change during a fit."""
+    """Handles, targets and constants of one fit."""
 
     deformation: DataDrivenDeformation
     vertices: IntArray
@@ -137,7 +138,7 @@ class _Control:
 
 @dataclass(eq=False)
 class _Fit:
-    """Unknowns x = (y, ω), w = μ + L y, with positions eliminated."""
+    """A point of the descent: unknowns x = (y, ω) with w = μ + L y; positions are eliminated."""
 
     control: _Control
     x: FloatArray
@@ -146,13 +147,13 @@ class _Fit:
         control, deformation = self.control, self.control.deformation
         self.w = deformation.prior.mean + deformation.factor @ self.x[:-3]
         self.p, misfit = deformation.relaxed(self.w)
-        # In the frame of the model: the rotation is taken off the targets.
+        # Targets in the frame of the model: turned by the inverse of the global rotation.
         self.turned = control.goals @ log_to_rotation(self.x[-3:])
         self.distances = self.turned - self.p[control.vertices]
-        pull = np.vdot(self.distances, control.stiffness @ self.distances)
+        correction = np.vdot(self.distances, control.stiffness @ self.distances)
         self.ridge = np.ones(len(self.x))
         self.ridge[-3:] = _ROTATION_SCALE**-2
-        self.energy = control.weight * (misfit + 2.0 * float(pull))
+        self.energy = control.weight * (misfit + 2.0 * float(correction))
         self.energy += float((self.ridge * self.x**2).sum())
         self._normal: tuple[FloatArray, FloatArray] | None = None
 

@@ -10,24 +10,25 @@ from scipy import sparse
 
 from deformer.acap import PoissonSystem
 from deformer.baselines._connection import Connection
-from deformer.baselines._gradient_space import faint_pull, least_inverse
+from deformer.baselines._gradient_space import least_inverse, weak_prior_precision
 from deformer.baselines._shell import DAMPING, SHORTENINGS, Shell
 from deformer.editing import schur_inverse
 from deformer.geometry import FloatArray, IntArray, procrustes
 from deformer.linalg import damped_step, descend
 from deformer.model import LatentPrior
 
-# Energies' relative gain that ends a reconstruction, and its most steps.
+# Relative gain of the energy that ends a reconstruction, and its largest number of steps.
 _TOLERANCE = 1e-4
 _STEPS = 30
-# Reconstructions that are kept: encoding needs them for the frames, and decoding comes next.
-_KEPT = 64
-# Fit to vertices. Its reconstructions go on from each other and take few steps each: taken to the
-# end they settle in folds of their own, which no change of the weights leads out of.
+# Size of the cache of reconstructions: encoding needs them for the frames, and decoding follows.
+_CACHED_SHAPES = 64
+# Fit to vertices. Each reconstruction starts from the previous one and has few steps only: when
+# converged, it ends in a fold of its own that no change of the weights removes.
 _OUTER_STEPS = 12
 _INNER_STEPS = 6
 _OUTER_TOLERANCE = 1e-3
-# Handle fits: examples that are started from, steps from each, and of the best one.
+# Handle fits: number of examples that descents start from, first steps of each, further steps of
+# the best one.
 _STARTS = 2
 _FIRST_STEPS = 4
 _HANDLE_STEPS = 30
@@ -35,14 +36,14 @@ _HANDLE_TOLERANCE = 1e-3
 
 
 class EdgeSpace:
-    """Features f(w) = base + Σ_k w_k components_k of a `Shell`, and the shapes that have them.
+    """Features f(w) = base + Σ_k w_k components_k of a `Shell`, and their shapes.
 
-    Features that belong to no mesh are met as well as a mesh can, in the shell's energy.
+    No mesh may have given features exactly: a shape is then the one closest in the shell's energy.
 
     Args:
-        shell: the measures.
-        poisson: of the same reference.
-        base: (E, 2) features where all weights are zero.
+        shell: features of edges.
+        poisson: Poisson system of the same reference.
+        base: (E, 2) features at weights 0.
         components: (K, E, 2).
     """
 
@@ -55,7 +56,7 @@ class EdgeSpace:
         self.base, self.components = base, components
         self.flat = components.reshape(len(components), -1)
         self._inverse = least_inverse(self.flat)
-        self._kept = lru_cache(_KEPT)(self._reconstruct)
+        self._cached_shape = lru_cache(_CACHED_SHAPES)(self._reconstruct)
 
     def features(self, w: FloatArray) -> FloatArray:
         """Features (E, 2) of weights (K,)."""
@@ -66,20 +67,20 @@ class EdgeSpace:
         return (features - self.base).reshape(len(features), -1) @ self.flat.T @ self._inverse
 
     def decode(self, w: FloatArray) -> FloatArray:
-        """Shape (V, 3) of weights (K,), laid as close to the reference as it goes."""
-        return self._kept(np.asarray(w, dtype=np.float64).tobytes()).copy()
+        """Shape (V, 3) of weights (K,), rigidly aligned to the reference."""
+        return self._cached_shape(np.asarray(w, dtype=np.float64).tobytes()).copy()
 
     def _reconstruct(self, weights: bytes) -> FloatArray:
         features = self.features(np.frombuffer(weights))
         p = self.connection.shape(features)
         p = self.shell.closest(features, p, _STEPS, _TOLERANCE)
-        return laid_on(p, self.shell.reference.vertices)
+        return rigidly_aligned(p, self.shell.reference.vertices)
 
     def tangents(self, p: FloatArray) -> FloatArray:
-        """Change (K, V, 3) of the decoded shape p with the weights.
+        """Derivative (K, V, 3) of the decoded shape p (V, 3) with respect to the weights.
 
-        Gauss–Newton's: what is left of the features' misfit is taken as small. No feature's change
-        pushes along a rigid motion, so there is none in it.
+        The Gauss–Newton approximation, which neglects the residual of the features. Features do not
+        depend on rigid motions, so the derivative has none.
         """
         J, H = self.shell.normal_matrix(p)
         change = self.shell.factor(H).solve(J.T @ self.flat.T).T
@@ -88,27 +89,29 @@ class EdgeSpace:
     def closest(self, target: FloatArray, w: FloatArray, prior: LatentPrior) -> FloatArray:
         """Weights (K,) whose shape is closest to `target` (V, 3) after the best rigid motion.
 
-        Damped Gauss–Newton from weights w through the reconstruction, with a faint pull to the
-        prior for components that the shape does not determine.
+        Damped Gauss–Newton from weights w (K,) through the reconstruction, with a weak prior for
+        components that the shape does not determine.
         """
-        pull = faint_pull(prior, self.shell.reference.bounding_diagonal)
-        start = _Closest(self, target, pull, prior.mean, w, laid_on(self.decode(w), target))
+        precision = weak_prior_precision(prior, self.shell.reference.bounding_diagonal)
+        start = _Closest(
+            self, target, precision, prior.mean, w, rigidly_aligned(self.decode(w), target)
+        )
         return descend(start, steps=_OUTER_STEPS, relative_gain=_OUTER_TOLERANCE).point.w
 
 
-def laid_on(p: FloatArray, target: FloatArray) -> FloatArray:
-    """Points (V, 3) moved rigidly to lie as close as possible to the target (V, 3)."""
+def rigidly_aligned(p: FloatArray, target: FloatArray) -> FloatArray:
+    """Points (V, 3) after the rigid motion that brings them closest to the target (V, 3)."""
     R, t = procrustes(p, target)
     return p @ R.T + t
 
 
 @dataclass(eq=False)
 class _Closest:
-    """Weights with their shape p, and its squared distance from the target."""
+    """A point of the descent: weights w, their shape p, its squared distance from the target."""
 
     space: EdgeSpace
     target: FloatArray
-    pull: FloatArray
+    precision: FloatArray
     mean: FloatArray
     w: FloatArray
     p: FloatArray
@@ -116,7 +119,7 @@ class _Closest:
     def __post_init__(self) -> None:
         self.residual = self.p - self.target
         away = self.w - self.mean
-        self.energy = float((self.residual**2).sum() + away @ self.pull @ away)
+        self.energy = float((self.residual**2).sum() + away @ self.precision @ away)
         self._normal: tuple[FloatArray, FloatArray, FloatArray] | None = None
 
     def step(self, damping: float) -> FloatArray:
@@ -126,30 +129,32 @@ class _Closest:
     def _system(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         if self._normal is None:
             J = self.space.tangents(self.p).reshape(len(self.w), -1)
-            gradient = J @ self.residual.ravel() + self.pull @ (self.w - self.mean)
-            self._normal = J, J @ J.T + self.pull, gradient
+            gradient = J @ self.residual.ravel() + self.precision @ (self.w - self.mean)
+            self._normal = J, J @ J.T + self.precision, gradient
         return self._normal
 
     def moved(self, step: FloatArray) -> _Closest:
         w = self.w + step
         guess = self.p + (step @ self._system()[0]).reshape(-1, 3)
         p = self.space.shell.closest(self.space.features(w), guess, _INNER_STEPS, _TOLERANCE)
-        return _Closest(self.space, self.target, self.pull, self.mean, w, laid_on(p, self.target))
+        return _Closest(
+            self.space, self.target, self.precision, self.mean, w, rigidly_aligned(p, self.target)
+        )
 
 
 class EdgeDeformation:
-    """Poses a mesh by a few vertices: edge lengths and dihedral angles of the components.
+    """Poses a mesh by a few handles, with edge lengths and dihedral angles of the components.
 
-    With h the controlled vertices, minimises over positions p and weights w
+    With handles h, `fit` minimises over positions p and weights w
 
         ‖f(p) − f(w)‖² / (σ² E) + (w − μ)ᵀ Σ⁻¹ (w − μ)      where p_h = q_h
 
-    by damped Gauss–Newton on both together; the frame is free. The starts are the training shapes
-    that, laid rigidly on the targets, need the least force to meet them.
+    by damped Gauss–Newton on both together; rigid motions are free. It starts from the training
+    shapes that, rigidly aligned to the targets, need the least energy to reach them.
 
     Args:
-        space: the components.
-        prior: of the weights.
+        space: components, and features of weights.
+        prior: Gaussian prior of the weights.
         examples: (N, V, 3) training shapes.
         codes: (N, K) their weights.
     """
@@ -162,45 +167,45 @@ class EdgeDeformation:
         self.factor = prior.factor
         white = np.linalg.solve(self.factor, (codes - prior.mean).T).T
         self.white = np.asarray(white, dtype=np.float64)
-        # Features' change with the whitened weights.
+        # Derivative (K, 2E) of the features with respect to the whitened weights.
         self.slopes = self.factor.T @ space.flat
 
     def fit(self, vertices: IntArray, targets: FloatArray, noise: float) -> FloatArray:
-        """The mesh (V, 3) with vertices (H,), all different, at targets (H, 3).
+        """Vertices (V, 3) of the fitted mesh, with the handles exactly at their targets.
 
         Args:
-            vertices: at least one.
-            targets: positions.
-            noise: σ, the root mean square misfit of an edge's feature that weighs as much as one
-                standard deviation of the prior.
+            vertices: (H,) int64 handles, all different, H ≥ 1.
+            targets: (H, 3) positions.
+            noise: σ, the root mean square residual of an edge's feature that adds as much energy as
+                one standard deviation of the prior; no unit.
         """
         poisson = self.space.poisson
         green = poisson.green_rows(vertices)
         inverse = schur_inverse(green[:, vertices])
-        moved, force = [], []
+        moved, energy = [], []
         for shape in self.examples:
             R, t = procrustes(shape[vertices], targets)
-            laid = shape @ R.T + t
-            d = targets - laid[vertices]
-            pull = inverse[:-1, :-1] @ d
-            moved.append(laid + green.T @ pull + inverse[-1, :-1] @ d)
-            force.append(float(np.vdot(pull, d)))
-        held = np.zeros(self.space.shell.reference.vertices.size, dtype=bool)
-        held.reshape(-1, 3)[vertices] = True
+            aligned = shape @ R.T + t
+            d = targets - aligned[vertices]
+            correction = inverse[:-1, :-1] @ d
+            moved.append(aligned + green.T @ correction + inverse[-1, :-1] @ d)
+            energy.append(float(np.vdot(correction, d)))
+        fixed = np.zeros(self.space.shell.reference.vertices.size, dtype=bool)
+        fixed.reshape(-1, 3)[vertices] = True
         weight = 1.0 / (noise**2 * len(self.space.base))
         found = []
-        for n in np.argsort(force, kind="stable")[:_STARTS]:
+        for n in np.argsort(energy, kind="stable")[:_STARTS]:
             p = moved[n]
             p[vertices] = targets
-            start = _Fit(self, np.flatnonzero(~held), weight, p, self.white[n])
-            found.append(_descended(start, _FIRST_STEPS))
+            start = _Fit(self, np.flatnonzero(~fixed), weight, p, self.white[n])
+            found.append(_descend_handle_fit(start, _FIRST_STEPS))
         best = min(found, key=lambda point: point.energy)
-        return _descended(best, _HANDLE_STEPS).p
+        return _descend_handle_fit(best, _HANDLE_STEPS).p
 
 
 @dataclass(eq=False)
 class _Fit:
-    """Positions and whitened weights, with the energy of a handle fit."""
+    """A point of the descent: positions p and whitened weights y, and their energy."""
 
     deformation: EdgeDeformation
     free: IntArray
@@ -217,16 +222,16 @@ class _Fit:
         self._normal: tuple[sparse.csr_array, FloatArray, FloatArray, FloatArray] | None = None
 
     def step(self, damping: float) -> FloatArray:
-        """Changes of the free coordinates, then of y."""
-        H, B, right, below = self._system()
+        """Damped step of the free coordinates, then of y, as one vector."""
+        H, B, rhs_p, rhs_y = self._system()
         slopes = self.deformation.slopes
         damped = H + sparse.diags_array(damping * H.diagonal())
-        # H x + B y = right, Bᵀ x + D y = below: x is eliminated.
+        # H x + B y = rhs_p, Bᵀ x + D y = rhs_y: x is eliminated.
         factor = self.deformation.space.shell.factor(damped, self.free)
-        solved = factor.solve(np.column_stack([B, right]))
+        solved = factor.solve(np.column_stack([B, rhs_p]))
         D = slopes @ slopes.T + np.eye(len(slopes)) / self.weight
         D += damping * np.diag(np.diag(D))
-        y = np.linalg.solve(D - B.T @ solved[:, :-1], below - B.T @ solved[:, -1])
+        y = np.linalg.solve(D - B.T @ solved[:, :-1], rhs_y - B.T @ solved[:, -1])
         step = np.concatenate([solved[:, -1] - solved[:, :-1] @ y, y])
         return np.asarray(step, dtype=np.float64)
 
@@ -235,9 +240,9 @@ class _Fit:
             slopes = self.deformation.slopes
             J, H = self.deformation.space.shell.normal_matrix(self.p)
             J = sparse.csc_array(J)[:, self.free]
-            right = -(J.T @ self.residual)
-            below = slopes @ self.residual - self.y / self.weight
-            self._normal = H[self.free][:, self.free], -(J.T @ slopes.T), right, below
+            rhs_p = -(J.T @ self.residual)
+            rhs_y = slopes @ self.residual - self.y / self.weight
+            self._normal = H[self.free][:, self.free], -(J.T @ slopes.T), rhs_p, rhs_y
         return self._normal
 
     def moved(self, step: FloatArray) -> _Fit:
@@ -247,8 +252,8 @@ class _Fit:
         return _Fit(self.deformation, self.free, self.weight, p, y)
 
 
-def _descended(start: _Fit, steps: int) -> _Fit:
-    """The end of a descent whose steps cost a factorisation each."""
+def _descend_handle_fit(start: _Fit, steps: int) -> _Fit:
+    """The last point of a descent; each of its steps costs a factorisation."""
     found = descend(
         start,
         steps=steps,

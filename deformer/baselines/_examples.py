@@ -1,4 +1,4 @@
-"""Methods without components: they bend one of the training shapes to the control points."""
+"""Methods without components: each deforms one training shape to the control points."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from deformer.geometry import FloatArray, IntArray, MeshSequence, connected_comp
 
 
 class Bending(ABC):
-    """Keeps the training shapes, picks one, moves it rigidly to the control points and bends it.
+    """Moves one training shape rigidly to the control points, then deforms it to reach them.
 
-    The pick is the reference, or, where `nearest` is set, the shape whose control points come
-    closest to the targets after the rigid motion that is best for them.
+    The shape is the reference or, if `nearest` is true, the training shape whose control points are
+    closest to the targets after the best rigid motion.
     """
 
     name: ClassVar[str]
@@ -25,7 +25,7 @@ class Bending(ABC):
     nearest: ClassVar[bool] = False
 
     def fit(self, shapes: MeshSequence, components: int, seed: int = 0) -> Self:
-        """Keep the training shapes; there is nothing to learn, `components` and `seed` are idle."""
+        """Store the training shapes; nothing is learned, `components` and `seed` are ignored."""
         self._shapes = shapes
         self._labels = connected_components(shapes.faces, shapes.vertices.shape[1])[1]
         self._vertices = np.empty(0, dtype=np.int64)
@@ -33,9 +33,9 @@ class Bending(ABC):
         return self
 
     def fit_handles(self, vertices: ArrayLike, targets: ArrayLike) -> FloatArray:
-        """The mesh (V, 3) that meets vertices (H,) at targets (H, 3) exactly.
+        """Vertices (V, 3) of the deformed mesh, with vertices (H,) exactly at targets (H, 3).
 
-        What depends on the control vertices alone is kept until others are given.
+        Factors of the last control vertices are cached.
 
         Raises:
             InputError: a connected component of the mesh has no control vertex.
@@ -62,7 +62,7 @@ class Bending(ABC):
             )
 
     def _start(self, vertices: IntArray, targets: FloatArray) -> tuple[int, FloatArray]:
-        """Which shape to bend, and that shape (V, 3) moved rigidly to the targets."""
+        """Index of the shape to deform, and this shape (V, 3) moved rigidly to the targets."""
         best, pick, start = np.inf, -1, self._shapes.vertices[0]
         for n in range(len(self._shapes) if self.nearest else 1):
             shape = self._shapes.vertices[n]
@@ -74,7 +74,7 @@ class Bending(ABC):
 
     @abstractmethod
     def _prepare(self, rest: FloatArray, vertices: IntArray) -> object:
-        """Factor what bending the shape `rest` (V, 3) by these control vertices needs."""
+        """Factors for deforming the rest shape (V, 3) by control vertices (H,)."""
 
     @abstractmethod
     def _bend(

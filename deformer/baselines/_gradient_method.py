@@ -1,4 +1,4 @@
-"""What methods share whose features decode to deformation gradients of the vertices."""
+"""Base classes of methods whose features decode to deformation gradients of the vertices."""
 
 from __future__ import annotations
 
@@ -29,18 +29,19 @@ from deformer.training import (
     localised_components,
 )
 
-# Root mean square strains that weigh as much as one standard deviation of the prior.
+# Candidate noises: root mean square strains that add as much energy as one standard deviation of
+# the prior.
 NOISES = (0.003, 0.006, 0.012, 0.025)
-# Components learned to choose among them need not be finished.
+# Components for the choice among them need not have converged.
 _TRIAL_ROUNDS = 10
 
 
 class GradientMethod(ABC):
-    """Codes, shapes and handle fits of a `GradientSpace`; a subclass learns it.
+    """Codes, shapes and handle fits of a `GradientSpace`, which a subclass learns.
 
     Args:
-        noise: of handle fits, see `DataDrivenDeformation.fit`; None chooses it from `NOISES` when
-            learning, on training shapes left out.
+        noise: σ of handle fits, see `DataDrivenDeformation.fit`; None lets `fit` choose it from
+            `NOISES` on held-out training shapes.
 
     Attributes:
         chosen_noise: the noise of handle fits, given or chosen; 0 before `fit`.
@@ -53,14 +54,14 @@ class GradientMethod(ABC):
         self.chosen_noise = 0.0
 
     def _set_deformation(self, deformation: DataDrivenDeformation, noise: float) -> None:
-        """What was learned."""
+        """Store the learned deformation and the noise of its handle fits."""
         self._deformation, self.chosen_noise = deformation, noise
 
     def _check_training(self, shape_count: int, components: int) -> None:
         checked_training(shape_count, components, self.noise)
 
     def learned(self) -> DataDrivenDeformation:
-        """The deformation that `fit` has learned; InputError before."""
+        """The deformation that `fit` has learned; InputError before `fit`."""
         if self._deformation is None:
             raise InputError(f"{type(self).__name__} has learned nothing yet; call fit first")
         return self._deformation
@@ -70,7 +71,11 @@ class GradientMethod(ABC):
         """Features (N, V, 9) of shapes (N, V, 3)."""
 
     def encode(self, vertices: ArrayLike) -> FloatArray:
-        """Codes (N, K) whose features are closest to those of shapes (N, V, 3): least squares."""
+        """Codes (N, K) of shapes (N, V, 3) by least squares on features.
+
+        Raises:
+            InputError: nothing is learned yet, or the shapes are not finite or of another size.
+        """
         space = self.learned().space
         return space.project(self._extract(checked_shapes(vertices, len(space.base))))
 
@@ -99,12 +104,12 @@ class GradientMethod(ABC):
 class GradientSplocsMethod(GradientMethod):
     """Sparse localised components of rotation vectors and stretches.
 
-    Rotations and stretches are each divided by their range (the paper's scaling, `FeatureScaler`),
-    and components are taken of their differences from the training shapes' mean.
+    Rotations and stretches are each divided by their range (the scaling of Tan et al. 2018,
+    `FeatureScaler`); components decompose their differences from the mean of the training shapes.
 
     Args:
-        settings: of the decomposition; None is its default.
-        noise: of handle fits; None chooses it in `fit`.
+        settings: settings of the decomposition; None is its default.
+        noise: σ of handle fits; None lets `fit` choose it.
     """
 
     def __init__(
@@ -121,7 +126,10 @@ class GradientSplocsMethod(GradientMethod):
         Args:
             shapes: at least 2 training shapes.
             components: K.
-            seed: of the control vertices that the noise is chosen with; the rest is not random.
+            seed: draws the control vertices for the choice of the noise; all else is deterministic.
+
+        Raises:
+            InputError: too few shapes, no component, or a noise that is not positive.
         """
         self._check_training(len(shapes), components)
         reference = shapes.mesh(0)
@@ -148,7 +156,7 @@ class GradientSplocsMethod(GradientMethod):
         self._set_deformation(fit_deformation(q, self.settings), noise)
         return self
 
-    def _extractor_in_use(self) -> FeatureExtractor:
+    def _learned_extractor(self) -> FeatureExtractor:
         if self._extractor is None:
             raise InputError(f"{type(self).__name__} has learned nothing yet; call fit first")
         return self._extractor

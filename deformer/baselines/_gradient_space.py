@@ -1,7 +1,7 @@
 """Shapes whose features are a linear combination of components.
 
-A feature is what `deformer.features` calls one: the rotation vector of a vertex, then its
-stretch. Features are linear in the weights; vertices come from them by the Poisson solve.
+Features are those of `deformer.acap`: rotation vector and stretch of each vertex. They are linear
+in the weights; the Poisson solve computes vertices from them.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from deformer.geometry import FloatArray
 from deformer.linalg import damped_step, descend
 from deformer.model import LatentPrior
 
-# Components whose changes of the vertices are solved for at once: bounds memory.
+# Number of components whose vertex derivatives one solve computes; bounds the memory.
 _BATCH = 16
 
-# Fit to vertices: one thousandth of the bounding diagonal of residual a vertex weighs as much as
-# one standard deviation of the prior weighs in all, as in `DeformationModel.fit`.
-_FAINT = 1e-3
+# Fit to vertices: a residual of this share of the bounding diagonal at one vertex adds as much
+# energy as one standard deviation of the prior, as in `DeformationModel.fit`.
+_WEAK_PRIOR = 1e-3
 _STEPS = 20
 _TOLERANCE = 1e-5
 
 
-def faint_pull(prior: LatentPrior, diagonal: float) -> FloatArray:
-    """Matrix (K, K) of a fit to vertices' pull to the prior; `diagonal` is the reference's."""
-    return (_FAINT * diagonal) ** 2 * np.asarray(np.linalg.inv(prior.covariance), np.float64)
+def weak_prior_precision(prior: LatentPrior, diagonal: float) -> FloatArray:
+    """Precision (K, K) of the prior in fits to vertices; `diagonal` bounds the reference."""
+    return (_WEAK_PRIOR * diagonal) ** 2 * np.asarray(np.linalg.inv(prior.covariance), np.float64)
 
 
 def least_inverse(components: FloatArray) -> FloatArray:
@@ -40,10 +40,10 @@ class GradientSpace:
     """Features q(w) = base + Σ_k w_k components_k, and the vertices rebuilt from them.
 
     Args:
-        poisson: of the reference.
-        base: (V, 9) features where all weights are zero.
+        poisson: Poisson system of the reference.
+        base: (V, 9) features at weights 0.
         components: (K, V, 9).
-        gain: (9,) unit of each feature: weights are fitted to features divided by it.
+        gain: (9,) unit of each feature; `project` fits features divided by it.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class GradientSpace:
         return p
 
     def tangents(self, w: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Gradients T (V, 3, 3), their change (K, V, 3, 3) and that of b(T), (K, V, 3)."""
+        """Gradients T (V, 3, 3), and the derivatives of T (K, V, 3, 3) and of b(T) (K, V, 3)."""
         q = self.features(w)
         dT = gradient_tangents(q, self.components)
         db = np.stack([self.poisson.rhs(t) for t in dT])
@@ -94,38 +94,38 @@ class GradientSpace:
     def closest(self, target: FloatArray, w: FloatArray, prior: LatentPrior) -> FloatArray:
         """Weights (K,) whose vertices are closest to `target` (V, 3), centroids aligned.
 
-        Damped Gauss–Newton from weights w, with a faint pull to the prior for components that
-        the shape does not determine.
+        Damped Gauss–Newton from weights w (K,), with a weak prior for components that the shape
+        does not determine.
         """
         goal = target - target.mean(axis=0) + self.poisson.centroid
-        pull = faint_pull(prior, self.poisson.reference.bounding_diagonal)
-        start = _Closest(self, goal, pull, prior.mean, w)
+        precision = weak_prior_precision(prior, self.poisson.reference.bounding_diagonal)
+        start = _Closest(self, goal, precision, prior.mean, w)
         return descend(start, steps=_STEPS, relative_gain=_TOLERANCE).point.w
 
 
 @dataclass(eq=False)
 class _Closest:
-    """Weights, and the squared distance of their vertices from a goal."""
+    """A point of the descent: weights, and the squared distance of their vertices from a goal."""
 
     space: GradientSpace
     goal: FloatArray
-    pull: FloatArray
+    precision: FloatArray
     mean: FloatArray
     w: FloatArray
 
     def __post_init__(self) -> None:
         self.residual = self.space.decode(self.w[None])[0] - self.goal
         away = self.w - self.mean
-        self.energy = float((self.residual**2).sum() + away @ self.pull @ away)
+        self.energy = float((self.residual**2).sum() + away @ self.precision @ away)
         self._normal: tuple[FloatArray, FloatArray] | None = None
 
     def step(self, damping: float) -> FloatArray:
         if self._normal is None:
             J = self.space.solve(self.space.tangents(self.w)[2]).reshape(len(self.w), -1)
-            gradient = J @ self.residual.ravel() + self.pull @ (self.w - self.mean)
-            self._normal = J @ J.T + self.pull, gradient
+            gradient = J @ self.residual.ravel() + self.precision @ (self.w - self.mean)
+            self._normal = J @ J.T + self.precision, gradient
         H, gradient = self._normal
         return damped_step(H, gradient, damping)
 
     def moved(self, step: FloatArray) -> _Closest:
-        return _Closest(self.space, self.goal, self.pull, self.mean, self.w + step)
+        return _Closest(self.space, self.goal, self.precision, self.mean, self.w + step)

@@ -1,4 +1,4 @@
-"""What all methods share whose shapes are an origin plus codes times components."""
+"""Base class of methods whose shapes are an origin plus codes times components."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from deformer.baselines.method import Space
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, Mesh, MeshSequence
 
-# Groups of training shapes that are left out in turn, at most.
-_GROUPS = 4
+# Largest number of folds of the cross-validation.
+_FOLDS = 4
 
 
 class LinearMethod(ABC):
-    """A method on positions whose decoder is linear; a subclass has `fit_basis`.
+    """A method on vertex positions with a linear decoder; a subclass implements `fit_basis`.
 
-    Handles: codes minimise the squared distance to the targets plus a ridge times their squared
-    length under the Gaussian of the training codes, whose covariance is shrunk towards its
-    diagonal. Ridge and shrinkage are those with the least error over all vertices of training
-    shapes that are left out in turn (the basis learned again without them), with the same handle
-    vertices. Targets fix the frame: nothing is aligned. The bases for that are learned once, when
-    handles are first fitted, and each of them (4, or N if less) takes about as long as `fit`.
+    `fit_handles` minimises the squared distance to the targets plus a ridge times the squared
+    Mahalanobis length of the code under the training codes, whose covariance is shrunk towards its
+    diagonal. Cross-validation chooses ridge and shrinkage: bases learned without a fold of the
+    training shapes, the same handles, least error over all vertices. Targets fix the frame, so that
+    nothing is aligned. The first handle fit learns the bases of the folds (4, or N if less), which
+    takes about as long as `fit` for each.
     """
 
     name: ClassVar[str]
@@ -43,10 +43,10 @@ class LinearMethod(ABC):
     def fit_basis(
         self, vertices: FloatArray, reference: Mesh, components: int, seed: int
     ) -> LinearBasis:
-        """Basis with K = `components` of shapes (N, V, 3); `reference` need not be among them."""
+        """Basis of K = `components` for shapes (N, V, 3); the reference need not be one of them."""
 
     def fit(self, shapes: MeshSequence, components: int, seed: int = 0) -> Self:
-        """Learn from the training shapes, of which at least two are needed; 0 is the reference.
+        """Learn K = `components` components from at least 2 shapes; shape 0 is the reference.
 
         Raises:
             InputError: fewer than two shapes, or no component.
@@ -64,13 +64,13 @@ class LinearMethod(ABC):
 
     @property
     def basis(self) -> LinearBasis:
-        """What was learned."""
+        """The learned basis; InputError before `fit`."""
         if self._basis is None:
             raise InputError(f"{self.name}: nothing is learned yet; call fit first")
         return self._basis
 
     def encode(self, vertices: ArrayLike) -> FloatArray:
-        """Codes (N, K) of shapes (N, V, 3): those of `fit_codes` if it says no other."""
+        """Codes (N, K) of shapes (N, V, 3); least squares, where the basis has no other way."""
         return self.basis.encode(checked_shapes(vertices, len(self.basis.origin)))
 
     def fit_codes(self, vertices: ArrayLike) -> FloatArray:
@@ -82,10 +82,10 @@ class LinearMethod(ABC):
         return self.basis.decode(checked_codes(codes, len(self.basis.components)))
 
     def fit_handles(self, vertices: ArrayLike, targets: ArrayLike) -> FloatArray:
-        """The mesh (V, 3) when only vertices (H,) are known to lie at targets (H, 3).
+        """Most likely mesh (V, 3) when vertices (H,) are known to be at targets (H, 3).
 
         Raises:
-            InputError: no, repeated or unknown vertices, or targets of another shape.
+            InputError: no vertices, repeated or unknown ones, or targets of another shape.
         """
         handles, positions = checked_handles(vertices, targets, len(self.basis.origin))
         penalty = self.penalty(handles)
@@ -98,7 +98,7 @@ class LinearMethod(ABC):
         return self.basis.decode(codes[0])[0]
 
     def penalty(self, handles: IntArray) -> Penalty:
-        """What is charged with these handle vertices (H,); chosen once for each set of them."""
+        """Penalty for handles (H,), chosen once for each set of them."""
         key = tuple(handles.tolist())
         if key not in self._penalties:
             if not self._folds:
@@ -108,7 +108,7 @@ class LinearMethod(ABC):
 
     def _make_folds(self) -> list[HandleRegression]:
         V, reference = self._shapes.vertices, self._shapes.mesh(0)
-        group = np.arange(len(V)) % min(_GROUPS, len(V))
+        group = np.arange(len(V)) % min(_FOLDS, len(V))
         regressions = []
         for g in range(group.max() + 1):
             training, held_out = V[group != g], V[group == g]

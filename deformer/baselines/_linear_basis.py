@@ -1,4 +1,4 @@
-"""Shapes that are an origin plus codes times components, and their fit to a few positions."""
+"""Linear shape spaces (an origin plus codes times components), and their fit to a few vertices."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 
 from deformer.geometry import FloatArray, IntArray
 
-# What is tried for handles. Ridges, in units of the mean variance of a known coordinate under the
-# prior, the largest first: the first of equals is taken.
+# Candidates for handle fits. Ridges are in units of the mean variance of a known coordinate under
+# the prior; the largest comes first, because the first of equals wins.
 _RIDGES = np.logspace(2, -10, 25)
 _SHRINKAGES = (0.01, 0.1, 0.3, 1.0)
 _SEAMS = (0.0, 0.01, 0.1, 1.0)
@@ -20,13 +20,13 @@ _SEAMS = (0.0, 0.01, 0.1, 1.0)
 
 @dataclass(frozen=True, eq=False)
 class LinearBasis:
-    """Shapes are origin + Σ_k z_k components_k.
+    """Shapes origin + Σ_k z_k components_k.
 
     Args:
-        origin: (V, 3), the mean of the training shapes: the mean of their codes is 0.
-        components: (K, V, 3); some may be 0, their codes stay 0.
-        seams: (S, K) rows whose product with good codes is about 0, in the unit of the positions;
-            S may be 0.
+        origin: (V, 3) mean of the training shapes, so that their codes have the mean 0.
+        components: (K, V, 3); a component may be 0, and its codes are then 0.
+        seams: (S, K) matrix S with S z ≈ 0 where neighbouring regions agree, in the unit of the
+            positions; S may be 0.
     """
 
     origin: FloatArray
@@ -40,11 +40,11 @@ class LinearBasis:
 
     @cached_property
     def inverse(self) -> FloatArray:
-        """Pseudo-inverse (3V, K); what is this much weaker than the strongest is rounding."""
+        """Pseudo-inverse (3V, K); singular values below 1e-10 of the largest count as 0."""
         return np.asarray(np.linalg.pinv(self.matrix, rcond=1e-10), dtype=np.float64)
 
     def encode(self, vertices: FloatArray) -> FloatArray:
-        """Codes (N, K) of shapes (N, V, 3), the method's own way."""
+        """Codes (N, K) of shapes (N, V, 3); a method may override this least-squares fit."""
         return self.project(vertices)
 
     def decode(self, codes: FloatArray) -> FloatArray:
@@ -52,18 +52,18 @@ class LinearBasis:
         return self.origin + (codes @ self.matrix).reshape(len(codes), *self.origin.shape)
 
     def project(self, vertices: FloatArray) -> FloatArray:
-        """Codes (N, K) of the shapes nearest to (N, V, 3); the shortest ones where several are."""
+        """Codes (N, K) of the shapes nearest to (N, V, 3); of several codes the shortest."""
         return (vertices - self.origin).reshape(len(vertices), -1) @ self.inverse
 
 
 @dataclass(frozen=True)
 class Penalty:
-    """What a handle fit charges besides the distance to the targets.
+    """Regularisation of a handle fit.
 
     Args:
-        shrinkage: share of the codes' covariance that is taken from its diagonal alone.
-        seam: charge for the squared products of seams and codes.
-        ridge: charge for the squared length of the codes under the prior.
+        shrinkage: from 0, the full covariance of the codes, to 1, its diagonal alone.
+        seam: weight of ‖S z‖², S the seams.
+        ridge: weight of the squared Mahalanobis length of the code.
     """
 
     shrinkage: float
@@ -75,13 +75,13 @@ class HandleRegression:
     """Codes from a few known positions, under the Gaussian of the training codes.
 
     Args:
-        basis: the shapes.
-        training: (N, V, 3) what it was learned from.
-        unseen: (n, V, 3) shapes to judge penalties by.
+        basis: the shape space.
+        training: (N, V, 3) shapes from which the basis was learned.
+        unseen: (n, V, 3) other shapes, on which penalties are compared.
     """
 
     def __init__(self, basis: LinearBasis, training: FloatArray, unseen: FloatArray) -> None:
-        """Take the statistics of the training codes."""
+        """Compute the covariance of the training codes."""
         codes = basis.project(training)
         self._basis = basis
         self._unseen = unseen
@@ -114,7 +114,7 @@ class HandleRegression:
         return filtered @ Vt @ L.T
 
     def penalties(self) -> Iterator[tuple[float, float]]:
-        """Shrinkages and charges of seams to try."""
+        """Candidate pairs of shrinkage and weight of the seams."""
         return product(_SHRINKAGES, _SEAMS if len(self._basis.seams) else _SEAMS[:1])
 
     def errors(self, handles: IntArray, shrinkage: float, seam: float) -> FloatArray:

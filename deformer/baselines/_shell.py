@@ -1,6 +1,6 @@
-"""Edge lengths and dihedral angles of a mesh, their derivatives, and the mesh that has them.
+"""Edge lengths and dihedral angles of a mesh, their derivatives, and reconstruction from them.
 
-They say all about a mesh's shape and nothing about where it lies. After Fröhlich and Botsch,
+They determine a mesh's shape and do not depend on its rigid motion. After Fröhlich and Botsch,
 "Example-Driven Deformations Based on Discrete Shells" (2011), with the bending weights of Grinspun
 et al., "Discrete Shells" (2003).
 """
@@ -18,24 +18,25 @@ from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, Mesh
 from deformer.linalg import Damping, Dissection, SparseCholesky, descend
 
-# Stiffness against stretch beside that against bending: a relative change of length by 0.1 weighs
-# as much as a change of angle by one radian.
+# Stiffness against stretch relative to that against bending: a relative change of length by 0.1
+# has the same energy as a change of angle by one radian.
 _STRETCH = 100.0
-# Bounds on the bending weight, that of an edge between equilateral triangles being 1: slivers
-# must not outweigh everything else.
+# Bounds on the bending weight, which is 1 for an edge between equilateral triangles: without them
+# slivers dominate the energy.
 _BENDING_RANGE = 0.1, 10.0
-# Stiffness that keeps the six rigid motions in place while solving, relative to the mean diagonal.
-_GROUND = 1e-9
+# Stiffness against the six rigid motions, which makes the system regular; relative to the mean
+# diagonal.
+_RIGID_STIFFNESS = 1e-9
 _ROUNDING = 1e-18
-# Shapes of slivers fold over within a step: such a step is shortened, which needs no factorisation,
-# and only then damped, much more than before.
+# Slivers fold over within a step. Such a step is first shortened, which needs no factorisation, and
+# only then damped, with a large factor.
 SHORTENINGS = 3
 DAMPING = Damping(up=64.0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _normals(p, hinge, u, m, n):
-    """Edge vector u of a hinge and the normals m left and n right of it, twice the areas long."""
+    """Edge vector u of a hinge, and its left and right normals m and n, of twice the areas."""
     a, b, c, d = hinge
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
@@ -60,7 +61,7 @@ def _measure(p, hinges, length, angle):
         length[e] = math.sqrt(_dot(u, u))
         angle[e] = 0.0
         if hinges[e, 2] >= 0 and hinges[e, 3] >= 0 and length[e] > 0.0:
-            # (m × n) · u, by which n is turned against m about the edge.
+            # (m × n) · u = |m| |n| |u| sin θ
             sine = m[0] * (n[1] * u[2] - n[2] * u[1])
             sine += m[1] * (n[2] * u[0] - n[0] * u[2])
             sine += m[2] * (n[0] * u[1] - n[1] * u[0])
@@ -69,7 +70,7 @@ def _measure(p, hinges, length, angle):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _differentiate(p, hinges, dlength, dangle):
-    """dlength[e] (3,): derivative of the length by b (by a: its negative); dangle[e] (4, 3)."""
+    """Fill dlength[e] (3,) = ∂length/∂b = −∂length/∂a and dangle[e] (4, 3) = ∂angle/∂(a,b,c,d)."""
     u, m, n = np.empty(3), np.empty(3), np.empty(3)
     for e in range(len(hinges)):
         a, _, c, d = hinges[e]
@@ -82,10 +83,10 @@ def _differentiate(p, hinges, dlength, dangle):
         for k in range(3):
             dlength[e, k] = u[k] / size
         mm, nn = _dot(m, m), _dot(n, n)
-        # A triangle without area has no normal to turn.
+        # A triangle without area has no normal.
         if c < 0 or d < 0 or mm == 0.0 or nn == 0.0:
             continue
-        # Where c and d stand along the edge, from 0 at a to 1 at b.
+        # Projections of c and d on the edge, from 0 at a to 1 at b.
         s, t = 0.0, 0.0
         for k in range(3):
             s += (p[c, k] - p[a, k]) * u[k] / size**2
@@ -99,7 +100,7 @@ def _differentiate(p, hinges, dlength, dangle):
 
 
 def _hinges(faces: IntArray) -> IntArray:
-    """Edges a-b with their opposite vertices (E, 4): c left of a→b, d right of it, −1 for none."""
+    """Edges a-b with opposite vertices (E, 4): c left of a→b, d right of it, −1 on boundaries."""
     half = np.concatenate([faces[:, [0, 1, 2]], faces[:, [1, 2, 0]], faces[:, [2, 0, 1]]])
     half = half[half[:, 0] != half[:, 1]]
     ends = np.sort(half[:, :2], axis=1)
@@ -120,19 +121,19 @@ def _hinges(faces: IntArray) -> IntArray:
 
 
 class Shell:
-    """Measures shapes against a reference, and finds the shape of given measures.
+    """Features of edges against a reference, and the shape closest to given features.
 
     The feature of an edge is (√100 (l / l̄ − 1), √β (θ − θ̄)): the relative change of its length
     and the change of its dihedral angle in radians, weighted so that squared distances of features
-    are the energy that reconstruction minimises. β is l̄² over the area of the two triangles, 1 for
-    equilateral ones, within [0.1, 10]. An edge on a boundary has no angle; its change is 0.
+    are the energy that `closest` minimises. β is l̄² over the area of the two triangles, scaled to 1
+    for equilateral ones and clamped to [0.1, 10]. The change of angle is 0 for a boundary edge.
 
     Args:
-        reference: V vertices, E edges, every edge in at most two faces of one orientation.
+        reference: mesh of V vertices and E edges; each edge is in at most two faces, of consistent
+            orientation.
 
     Raises:
-        InputError: an edge has more faces, or neighbours disagree on the side; an edge has no
-            length.
+        InputError: an edge with more faces, with faces of opposite orientation or without length.
     """
 
     def __init__(self, reference: Mesh) -> None:
@@ -152,7 +153,7 @@ class Shell:
         u = v[b] - v[a]
         area = np.linalg.norm(np.cross(u, v[c] - v[a]), axis=1)
         area += np.linalg.norm(np.cross(u, v[d] - v[a]), axis=1)
-        # Two equilateral triangles have (double) area √3 l²; a sliver meets the bound.
+        # Two equilateral triangles have the (double) area √3 l².
         floor = np.finfo(float).tiny
         bending = np.sqrt(3.0) * self.rest_lengths**2 / np.maximum(area, floor)
         bending = np.where(self.inner, np.clip(bending, *_BENDING_RANGE), 0.0)
@@ -162,23 +163,20 @@ class Shell:
         self._plan: Dissection | None = None
 
     def measure(self, p: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Lengths (E,) and dihedral angles (E,) in (−π, π], 0 on boundaries, of vertices (V, 3)."""
+        """Edge lengths (E,) and dihedral angles (E,) in (−π, π], 0 on boundaries, of p (V, 3)."""
         length, angle = np.empty(len(self.hinges)), np.empty(len(self.hinges))
         _measure(np.ascontiguousarray(p, dtype=np.float64), self.hinges, length, angle)
         return length, angle
 
     def features(self, p: FloatArray) -> FloatArray:
-        """Features (E, 2) of a shape (V, 3).
-
-        A change of angle is taken the short way round, in [−π, π).
-        """
+        """Features (E, 2) of a shape (V, 3); changes of angles are wrapped to [−π, π)."""
         length, angle = self.measure(p)
         turn = angle - self.rest_angles
         turn = np.mod(turn + np.pi, 2.0 * np.pi) - np.pi
         return np.column_stack([length - self.rest_lengths, turn]) * self.unit
 
     def difference(self, p: FloatArray, target: FloatArray) -> FloatArray:
-        """Features (E, 2) of p minus target features, angles the short way round."""
+        """Features of p (V, 3) minus target features (E, 2), angles wrapped to [−π, π)."""
         away = self.features(p) - target
         unit = np.where(self.inner, self.unit[:, 1], 1.0)
         away[:, 1] = unit * (np.mod(away[:, 1] / unit + np.pi, 2.0 * np.pi) - np.pi)
@@ -186,7 +184,7 @@ class Shell:
         return away
 
     def jacobian(self, p: FloatArray) -> sparse.csr_array:
-        """Derivative (2E, 3V) of the features; row 2e is the length, 2e + 1 the angle."""
+        """Jacobian (2E, 3V) of the features at p (V, 3); row 2e is the length, 2e + 1 the angle."""
         E, V = len(self.hinges), len(p)
         dlength, dangle = np.empty((E, 3)), np.empty((E, 4, 3))
         _differentiate(np.ascontiguousarray(p, dtype=np.float64), self.hinges, dlength, dangle)
@@ -207,15 +205,15 @@ class Shell:
         return indices, indptr
 
     def normal_matrix(self, p: FloatArray) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Jacobian J (2E, 3V) at p, and JᵀJ with a trace of stiffness against rigid motions."""
+        """Jacobian J (2E, 3V) at p, and JᵀJ plus a small stiffness against rigid motions."""
         J = self.jacobian(p)
         H = sparse.csr_array(J.T @ J)
-        return J, H + sparse.diags_array(np.full(p.size, _GROUND * H.diagonal().mean()))
+        return J, H + sparse.diags_array(np.full(p.size, _RIGID_STIFFNESS * H.diagonal().mean()))
 
     def factor(self, H: sparse.sparray, free: IntArray | None = None) -> SparseCholesky:
-        """Factor of a normal matrix, damped or not, or of its `free` rows and columns.
+        """Cholesky factor of a normal matrix, or of its `free` rows and columns.
 
-        As long as its entries stay in their places the order of elimination is not sought again.
+        The order of elimination is computed again only when the sparsity pattern changes.
         """
         points = self._points if free is None else self._points[free]
         factor = SparseCholesky(H, points, self._plan)
@@ -227,9 +225,15 @@ class Shell:
     ) -> FloatArray:
         """Shape (V, 3) whose features are closest to `target` (E, 2), by damped Gauss–Newton.
 
-        Where the shape lies is that of the `start` (V, 3).
+        The result has the rigid motion of `start` (V, 3).
+
+        Args:
+            target: (E, 2) features.
+            start: (V, 3) first shape.
+            limit: largest number of steps.
+            tolerance: relative gain of the energy that ends the descent.
         """
-        # Below this share of the features' own size what is left is rounding.
+        # Below this share of the features' squared norm the residual is rounding.
         floor = _ROUNDING * float((target**2).sum())
         begun = _Reconstruction(self, target, start)
         found = descend(
@@ -245,7 +249,7 @@ class Shell:
 
 @dataclass(eq=False)
 class _Reconstruction:
-    """Positions, and the squared distance of their features from the target's."""
+    """A point of the descent: positions, and the squared distance of their features."""
 
     shell: Shell
     target: FloatArray

@@ -1,4 +1,4 @@
-"""The structured norm of deformation factors, and its proximal map, compiled."""
+"""The structured norm of deformation factors, and its proximal map."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numba import njit
 from deformer.geometry import FloatArray, IntArray, Mesh, edges
 from deformer.linalg import over_ranges
 
-# From the last dual on; 20, as in the authors' program, change the ninth digit of the objective.
+# Iterations from a warm start; 20, as in the authors' program, change the objective's ninth digit.
 _ITERATIONS = 5
 
 
@@ -34,27 +34,31 @@ class StructuredNorm:
     group: float
     graph: float
 
-    def of(self, factors: FloatArray) -> FloatArray:
+    def values(self, factors: FloatArray) -> FloatArray:
         """Norms (K,) of factors (K, V, 3)."""
         i, j = self.pairs.T
-        values = np.empty(len(factors))
+        norms = np.empty(len(factors))
         for k, f in enumerate(factors):
             magnitude = np.abs(f)
             difference = (f[i] - f[j]) ** 2
-            values[k] = (
+            norms[k] = (
                 self.l1 * magnitude.sum()
                 + self.l2 * np.sqrt((f**2).sum())
                 + self.group * magnitude.max(1).sum()
                 + self.graph * np.sqrt(self.weights @ difference.sum(1))
             )
-        return values
+        return norms
 
-    def shrink(self, factors: FloatArray, scales: FloatArray, dual: FloatArray) -> FloatArray:
-        """argmin_x ½‖x − φ‖² + s ‖x‖ for factors φ (K, V, 3) and their scales s (K,).
+    def proximal_map(self, factors: FloatArray, scales: FloatArray, dual: FloatArray) -> FloatArray:
+        """Proximal map argmin_x ½‖x − φ‖² + s ‖x‖ of factors φ (K, V, 3) with scales s (K,).
 
-        By forward-backward steps on the dual of the edge term (K, E, 3), which is changed in place
-        and is where the next call with nearly the same factors starts. The iterations are few: the
-        result is near the minimum and as sparse.
+        Forward-backward steps on the dual variable of the edge term, from a warm start. The steps
+        are few: the result is close to the minimum and has its sparsity.
+
+        Args:
+            factors: (K, V, 3) φ.
+            scales: (K,) s.
+            dual: (K, E, 3) start of the dual variable; replaced in place by its last value.
         """
         result = np.empty_like(factors)
         degree = np.bincount(self.pairs.ravel(), np.repeat(self.weights, 2))
@@ -63,17 +67,17 @@ class StructuredNorm:
         constants = self.l1, self.l2, self.group, self.graph
         roots = np.sqrt(self.weights)
         shared = scales, self.pairs, roots, constants, step, dual, result
-        over_ranges(_shrink, len(factors), factors, *shared, share=1)
+        over_ranges(_proximal_maps, len(factors), factors, *shared, share=1)
         return result
 
 
 def structured_norm(
     reference: Mesh, l1: float = 1.0, l2: float = 1.0, group: float = 2.0, graph: float = 1.0
 ) -> StructuredNorm:
-    """The norm on a mesh with weights that mean the same at any size of it.
+    """The structured norm of a mesh, with weights that do not depend on its size.
 
-    An edge of length l weighs 2 exp(−(l / mean)²). The λ are divided by the square roots of what
-    they count (3V, 3V, V, 3E), as the authors' program does, whose values are the defaults.
+    An edge of length l has the weight 2 exp(−(l / mean)²). Each λ is divided by the square root of
+    the number of terms (3V, 3V, V, 3E). Formula and defaults are those of the authors' program.
     """
     pairs = edges(reference.faces)
     V = len(reference.vertices)
@@ -92,7 +96,7 @@ def structured_norm(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _shrink(start, stop, factors, scales, pairs, roots, constants, step, dual, result):
+def _proximal_maps(start, stop, factors, scales, pairs, roots, constants, step, dual, result):
     l1, l2, group, graph = constants
     V, E = factors.shape[1], len(pairs)
     for k in range(start, stop):
@@ -107,12 +111,12 @@ def _shrink(start, stop, factors, scales, pairs, roots, constants, step, dual, r
                     x[j, d] += root * v[e, d]
             square = 0.0
             for i in range(V):
-                x[i, 0], x[i, 1], x[i, 2] = _shrunk_site(
+                x[i, 0], x[i, 1], x[i, 2] = _proximal_point(
                     x[i, 0], x[i, 1], x[i, 2], s * l1, s * group
                 )
                 square += x[i, 0] ** 2 + x[i, 1] ** 2 + x[i, 2] ** 2
-            kept = max(0.0, 1.0 - s * l2 / math.sqrt(square)) if square > 0 else 0.0
-            x *= kept
+            shrinkage = max(0.0, 1.0 - s * l2 / math.sqrt(square)) if square > 0 else 0.0
+            x *= shrinkage
             # v = projection of v + step E x on the ball of radius s λ_G
             square = 0.0
             for e in range(E):
@@ -126,11 +130,11 @@ def _shrink(start, stop, factors, scales, pairs, roots, constants, step, dual, r
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _shrunk_site(x, y, z, l1, group):
+def _proximal_point(x, y, z, l1, group):
     """Proximal map of l1 ‖·‖₁ + group ‖·‖_∞ at three numbers.
 
-    Soft thresholding, then magnitudes above some height are cut to it: Σ max(0, |x_d| − height) is
-    `group`, so that with the c largest above it height = (their sum − group) / c.
+    Soft thresholding, then clipping of magnitudes at a height with Σ max(0, |x_d| − height) =
+    `group`: if the c largest are above it, height = (their sum − group) / c.
     """
     a, b, c = max(0.0, abs(x) - l1), max(0.0, abs(y) - l1), max(0.0, abs(z) - l1)
     total = a + b + c

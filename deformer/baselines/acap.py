@@ -13,15 +13,14 @@ from deformer.geometry import FloatArray
 class AcapSplocs(GradientSplocsMethod):
     """Sparse localised components of the features that the autoencoder learns from.
 
-    After Gao et al., "Sparse Data Driven Mesh Deformation" (arXiv 1709.01250): rotation vectors
-    chosen as consistently over the mesh as possible, so that turns beyond π stay continuous, and
-    stretches; localised components of them; handle fits as in `DataDrivenDeformation`, where what
-    departs from that paper is said. The decomposition and its constants are those of
-    `LocalisedSettings`, the same for every representation.
+    After Gao et al., "Sparse Data Driven Mesh Deformation" (arXiv 1709.01250). Features are
+    stretches and rotation vectors that are consistent over the mesh, so that turns beyond π stay
+    continuous. `DataDrivenDeformation` fits handles; its docstring lists the departures from that
+    paper. The decomposition and its constants are those of `LocalisedSettings`.
     """
 
     name: ClassVar[str] = "SPLOCS ACAP"
     space: ClassVar[Space] = "acap"
 
     def _extract(self, vertices: FloatArray) -> FloatArray:
-        return extract_all(self._extractor_in_use(), vertices)
+        return extract_all(self._learned_extractor(), vertices)

@@ -1,4 +1,4 @@
-"""The project's own autoencoder behind the protocol of the compared methods."""
+"""The project's own autoencoder as one of the compared methods."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ class Autoencoder:
     """The autoencoder of ACAP features (Tan et al., AAAI 2018) and the project's handle fit.
 
     Args:
-        model: a trained model, which can be used at once; `fit` replaces it.
+        model: a trained model, usable without `fit`; `fit` replaces it.
         config: "default", "paper" or a ModelConfig, see `train`.
-        epochs: training steps; None keeps the config's.
+        epochs: number of training steps; None keeps the config's.
         device: "cpu", "cuda", "mps" or "auto".
-        hard: handles are met exactly, with rigid relaxation; otherwise closely, and the shape is
-            one that the latent code can say.
+        hard: true for exact handles with rigid relaxation; false for soft handles, whose shapes are
+            decoded from a code.
     """
 
     name: ClassVar[str] = "autoencoder"
@@ -41,14 +41,14 @@ class Autoencoder:
         device: str = "auto",
         hard: bool = True,
     ) -> None:
-        """Take over the model, if there is one."""
+        """Store the model and the settings."""
         self.config, self.epochs, self.device, self.hard = config, epochs, device, hard
         self._model = model
         self._solver: HandleSolver | None = None
 
     @property
     def model(self) -> DeformationModel:
-        """The trained model."""
+        """The trained model; InputError without one."""
         if self._model is None:
             raise InputError("Autoencoder has no model yet; call fit first, or give it one")
         return self._model
@@ -79,7 +79,7 @@ class Autoencoder:
         return self.model.decode(checked_codes(codes, self.model.components))
 
     def fit_handles(self, vertices: ArrayLike, targets: ArrayLike) -> FloatArray:
-        """The mesh (V, 3) when only vertices (H,) are known to lie at targets (H, 3)."""
+        """Most likely mesh (V, 3) when vertices (H,) are known to be at targets (H, 3)."""
         index, goals = checked_handles(vertices, targets, len(self.model.reference.vertices))
         if self._solver is None:
             self._solver = HandleSolver(self.model)

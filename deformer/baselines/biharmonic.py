@@ -11,17 +11,16 @@ from deformer.baselines._examples import Bending
 from deformer.geometry import FloatArray, IntArray, Mesh, cotan_weights
 from deformer.linalg import SparseCholesky
 
-# Least share of the mean vertex area that a vertex counts.
+# Lower bound of a vertex area, relative to the mean.
 _SMALLEST_AREA = 1e-3
 
 
 class Biharmonic(Bending):
     """Adds the smoothest displacement to the rigidly moved reference.
 
-    The displacement d minimises Σ_i ‖(L d)_i‖² / A_i, the thin-plate energy ∫ ‖Δd‖², with L the
-    cotangent Laplacian and A the vertex areas of the shape bent, and takes the control points to
-    their targets (Botsch and Sorkine, "On Linear Variational Surface Deformation Methods", TVCG
-    2008).
+    The displacement d minimises Σ_i ‖(L d)_i‖² / A_i, the thin-plate energy ∫ ‖Δd‖², subject to
+    control points at their targets (Botsch and Sorkine, "On Linear Variational Surface Deformation
+    Methods", TVCG 2008). L is the cotangent Laplacian and A the vertex areas of the rest shape.
     """
 
     name: ClassVar[str] = "biharmonic"
@@ -46,7 +45,7 @@ class Biharmonic(Bending):
 
 
 class NearestBiharmonic(Biharmonic):
-    """Bends the training shape that is nearest by its control points."""
+    """Deforms the training shape whose control points are nearest to the targets."""
 
     name: ClassVar[str] = "biharmonic-nearest"
     nearest: ClassVar[bool] = True

@@ -1,4 +1,4 @@
-"""Principal components of regions of the mesh, solved for together."""
+"""Principal components of regions of the mesh, fitted jointly."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ from deformer.baselines.pca import principal_components
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, Geodesics, IntArray, Mesh, farthest_points
 
-# Vertices that are clustered; the others go with the nearest of them.
+# Number of landmarks, the vertices that are clustered; other vertices join the nearest landmark.
 _LANDMARKS = 500
-# Reach of nearness in units of the mesh's largest geodesic distance.
-_REACH = 0.2
-# Numbers of regions tried, as far as there are as many components, and groups left out for that.
+# Width of the affinity's geodesic factor, in units of the mesh's largest geodesic distance.
+_AFFINITY_WIDTH = 0.2
+# Candidate numbers of regions (at most K), and folds of the cross-validation that chooses one.
 _REGIONS = (2, 4, 6, 9, 13, 18)
-_GROUPS = 4
+_FOLDS = 4
 _RESTARTS = 10
 
 
 @dataclass(frozen=True, eq=False)
 class RegionBasis(LinearBasis):
-    """Components that live on one region each; shared vertices are the mean of their regions.
+    """Components with one region each; a shared vertex is the mean of its regions' predictions.
 
     Args:
-        members: (R, V) which vertices belong to each region.
+        members: (R, V) bool, true where a vertex belongs to a region.
     """
 
     members: np.ndarray
 
     def encode(self, vertices: FloatArray) -> FloatArray:
-        """Codes (N, K): all regions at once, where regions disagree charged like misfit.
+        """Codes (N, K) of shapes (N, V, 3), of all regions jointly.
 
-        Within its region a component has length 1 and is at right angles to the others, so that the
-        normal equations are (1 + Sᵀ S) z = Bᵀ (p − origin).
+        Minimises the residual plus ‖S z‖², the disagreement of regions. Components are orthonormal
+        within their region, so that the normal equations are (1 + Sᵀ S) z = Bᵀ (p − origin).
         """
         own = self.matrix * np.repeat(self.members.sum(0), 3)
         against = (vertices - self.origin).reshape(len(vertices), -1) @ own.T
@@ -50,28 +50,33 @@ class RegionBasis(LinearBasis):
 class ClusteredPCA(LinearMethod):
     """Tena, De la Torre and Matthews, "Interactive Region-Based Linear 3D Face Models".
 
-    SIGGRAPH 2011. The mesh is cut into regions by spectral clustering of how vertices move together
-    and how near they are; regions share the vertices of the faces between them; every region has
-    its own principal components; codes of all regions are solved for together, and where the
-    predictions of regions for a shared vertex differ, the difference is charged (softly: at 1 when
-    all vertices are known, at a weight chosen with the ridge for handles).
+    SIGGRAPH 2011. Spectral clustering cuts the mesh into regions of vertices that are near and move
+    together; regions share the vertices of the faces between them. Each region has its own
+    principal components. One solve fits the codes of all regions; it penalises the disagreement of
+    regions on shared vertices (weight 1 when all vertices are known, a weight chosen with the ridge
+    for handles).
 
-    This program's own choices, for the paper's are for faces: affinity is half of 1 plus the
-    correlation of two vertices' displacements, times exp(−(d/0.2)²) of the geodesic distance d in
-    units of the largest one; 500 vertices spread over the mesh are clustered and the others go with
-    the nearest, for the matrix to stay small; components go to regions by the variance they hold,
-    at least one to each; the number of regions is the one of 2, 4, 6, 9, 13, 18 (at most K) with
-    the least error on training shapes left out in four groups. Left out: the paper's interface, and
-    its hard constraints.
+    This project's own choices, because the paper's are for faces:
+    - the affinity of two vertices is (1 + correlation of their displacements) / 2 · exp(−(d/0.2)²),
+      with their geodesic distance d in units of the largest one;
+    - 500 vertices spread over the mesh are clustered, so that the matrix stays small; the others
+      join the nearest;
+    - the K components of largest variance are used, at least one of each region;
+    - the number of regions is the one of 2, 4, 6, 9, 13, 18 (at most K) with the least error in a
+      four-fold cross-validation.
+    The paper's interface and its hard constraints are left out.
 
     Args:
-        regions: their number, instead of choosing it.
+        regions: number of regions; None chooses it.
+
+    Raises:
+        InputError: a number of regions below 1.
     """
 
     name: ClassVar[str] = "Clustered PCA"
 
     def __init__(self, regions: int | None = None) -> None:
-        """Keep the number of regions."""
+        """Store the number of regions."""
         if regions is not None and regions < 1:
             raise InputError(f"regions: expected at least 1, got {regions}")
         self._regions = regions
@@ -79,7 +84,7 @@ class ClusteredPCA(LinearMethod):
     def fit_basis(
         self, vertices: FloatArray, reference: Mesh, components: int, seed: int
     ) -> RegionBasis:
-        """Basis of shapes (N, V, 3), cut along the reference; the seed starts the clustering."""
+        """Basis of shapes (N, V, 3), with regions on the reference; `seed` is the clustering's."""
         if self._regions is not None:
             if self._regions > components:
                 raise InputError(
@@ -99,14 +104,14 @@ class ClusteredPCA(LinearMethod):
 def segment(
     vertices: FloatArray, reference: Mesh, counts: list[int], seed: int
 ) -> list[np.ndarray]:
-    """Regions for each number of them, as members (R, V): overlapping by the faces in between.
+    """Segmentations of the mesh, each as members (R, V) bool that overlap by the faces in between.
 
     Args:
         vertices: (N, V, 3) shapes.
-        reference: mesh (V, F) whose geodesic distances tell nearness.
-        counts: numbers of regions, each at most V. Where vertices fall into fewer clusters there
-            are fewer regions.
-        seed: of the first landmark and of k-means.
+        reference: mesh whose geodesic distances enter the affinity.
+        counts: numbers of regions, each at most V; there are fewer regions where the clustering
+            finds fewer.
+        seed: seed of the first landmark and of k-means.
     """
     geodesics = Geodesics(reference, cache_rows=_LANDMARKS)
     landmarks = farthest_points(geodesics, min(_LANDMARKS, vertices.shape[1]), seed)
@@ -116,7 +121,7 @@ def segment(
     )
     length = np.linalg.norm(moves, axis=1, keepdims=True)
     moves = np.divide(moves, length, out=np.zeros_like(moves), where=length > 0)
-    near = np.exp(-((distance[:, landmarks] / (_REACH * (geodesics.extent or 1.0))) ** 2))
+    near = np.exp(-((distance[:, landmarks] / (_AFFINITY_WIDTH * (geodesics.extent or 1.0))) ** 2))
     affinity = (1 + moves @ moves.T) / 2 * (near + near.T) / 2
     vectors = _leading_vectors(affinity, max(counts))
     nearest = distance.argmin(0)
@@ -128,7 +133,7 @@ def segment(
 
 
 def _leading_vectors(affinity: FloatArray, count: int) -> FloatArray:
-    """Eigenvectors (L, R) of D^−½ A D^−½ by falling eigenvalue (Ng, Jordan and Weiss 2001)."""
+    """Eigenvectors (L, R) of D^−½ A D^−½, largest first (Ng, Jordan and Weiss 2001)."""
     degree = affinity.sum(1)
     scaled = affinity / np.sqrt(degree[:, None] * degree)
     L = len(affinity)
@@ -137,7 +142,7 @@ def _leading_vectors(affinity: FloatArray, count: int) -> FloatArray:
 
 
 def _k_means(vectors: FloatArray, seed: int) -> IntArray:
-    """Labels (L,) 0…R−1 of rows (L, R) brought to length 1; the best of some starts."""
+    """Labels (L,) 0…R−1 of normalised rows (L, R), from the best of several starts."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     rows = np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
     rng = np.random.default_rng(seed)
@@ -151,7 +156,7 @@ def _k_means(vectors: FloatArray, seed: int) -> IntArray:
 
 
 def _overlapping(labels: IntArray, faces: IntArray) -> np.ndarray:
-    """Members (R, V): vertices of a label, and those that share a face with one."""
+    """Members (R, V): the vertices of each label, and those that share a face with one."""
     members = np.zeros((labels.max() + 1, len(labels)), dtype=bool)
     members[labels, np.arange(len(labels))] = True
     for corner in range(3):
@@ -161,27 +166,26 @@ def _overlapping(labels: IntArray, faces: IntArray) -> np.ndarray:
 
 
 def _region_basis(vertices: FloatArray, members: np.ndarray, count: int) -> RegionBasis:
-    """The `count` strongest principal components of regions (R, V), at least one of each."""
+    """Basis of the `count` largest principal components of regions (R, V), at least one of each."""
     mean = vertices.mean(0)
     centred = vertices - mean
     found = [principal_components(centred[:, m].reshape(len(centred), -1), count) for m in members]
     strength = np.array([values for values, _ in found])
-    strength[:, 0] = np.inf  # the first of every region
-    region, place = np.unravel_index(
+    strength[:, 0] = np.inf  # selects the first of every region
+    region, rank = np.unravel_index(
         np.argsort(-strength, axis=None, kind="stable")[:count], strength.shape
     )
     own = np.zeros((count, *mean.shape))
-    for k, (r, j) in enumerate(zip(region, place, strict=True)):
+    for k, (r, j) in enumerate(zip(region, rank, strict=True)):
         own[k, members[r]] = found[r][1][j].reshape(-1, 3)
     shared = members.sum(0)
     return RegionBasis(mean, own / shared[:, None], _seams(own, region, members), members)
 
 
 def _seams(own: FloatArray, region: IntArray, members: np.ndarray) -> FloatArray:
-    """Rows (K, K) with ‖S z‖² = Σ ‖difference of a region's prediction from the mean of all‖².
+    """Seams S (K, K): ‖S z‖² = Σ ‖a region's prediction − mean prediction‖² over shared vertices.
 
-    Over shared vertices and their regions. The many rows are replaced by as few with the same
-    products.
+    S is a square root of the K × K Gram matrix, in place of a row for every vertex and region.
     """
     at = np.flatnonzero(members.sum(0) > 1)
     mean = own[:, at] / members.sum(0)[at, None]
@@ -195,8 +199,8 @@ def _seams(own: FloatArray, region: IntArray, members: np.ndarray) -> FloatArray
 
 
 def _unseen_error(vertices: FloatArray, members: np.ndarray, count: int) -> float:
-    """Squared error of shapes that are left out in groups, fitted to all their vertices."""
-    group = np.arange(len(vertices)) % min(_GROUPS, len(vertices))
+    """Cross-validated squared error of fits to all vertices of held-out shapes."""
+    group = np.arange(len(vertices)) % min(_FOLDS, len(vertices))
     error = 0.0
     for g in range(group.max() + 1):
         basis = _region_basis(vertices[group != g], members, count)

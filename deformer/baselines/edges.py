@@ -37,29 +37,29 @@ from deformer.training import (
     localised_components,
 )
 
-# Misfits of an edge's feature that weigh as much as one standard deviation of the prior.
+# Candidate noises: residuals of an edge's feature that add as much energy as one standard deviation
+# of the prior.
 NOISES = (0.01, 0.03, 0.1)
 _TRIAL_ROUNDS = 10
 
 
 class EdgeSplocs:
-    """Sparse localised components of what a surface knows of itself: no rotation occurs in them.
+    """Sparse localised components of edge lengths and dihedral angles, which no rotation changes.
 
     After Wang et al., "Articulated-Motion-Aware Sparse Localized Decomposition" (2017): components
-    are linear in the changes of edge lengths and dihedral angles against the reference, which
-    `Shell` weighs against each other; sites are edges, their distance is the mean of the geodesic
-    distances of their ends. A shape comes back by the paper's two linear solves (`Connection`),
-    followed by Gauss–Newton on the vertices (Fröhlich and Botsch 2011), which the paper does
-    without. How a few points pose a mesh is `EdgeDeformation`.
+    are linear in the changes of edge lengths and dihedral angles against the reference, weighted as
+    in `Shell`. The distance of two edges is the mean of the geodesic distances of their ends. The
+    paper's two linear solves (`Connection`) reconstruct a shape; Gauss–Newton on the vertices
+    (Fröhlich and Botsch 2011), which the paper does not have, refines it. `EdgeDeformation` fits
+    handles.
 
-    The representation says nothing about where a shape lies. Codes are therefore (N, K + 3): the
-    weights, then the rotation vector of the shape's frame, three numbers more than other methods
-    have.
+    The features do not determine a shape's rigid motion. Codes are therefore (N, K + 3): the
+    weights, then the rotation vector of the shape; other methods have K numbers.
 
     Args:
-        settings: of the decomposition; None is its default.
-        noise: of handle fits, see `EdgeDeformation.fit`; None chooses it from `NOISES` when
-            learning, on training shapes left out.
+        settings: settings of the decomposition; None is its default.
+        noise: σ of handle fits, see `EdgeDeformation.fit`; None lets `fit` choose it from `NOISES`
+            on held-out training shapes.
 
     Attributes:
         chosen_noise: the noise of handle fits, given or chosen; 0 before `fit`.
@@ -83,7 +83,11 @@ class EdgeSplocs:
         Args:
             shapes: at least 2 training shapes.
             components: K.
-            seed: of the control vertices that the noise is chosen with; the rest is not random.
+            seed: draws the control vertices for the choice of the noise; all else is deterministic.
+
+        Raises:
+            InputError: too few shapes, no component, a noise that is not positive, or a reference
+                that `Shell` refuses.
         """
         checked_training(len(shapes), components, self.noise)
         reference = shapes.mesh(0)
@@ -114,22 +118,22 @@ class EdgeSplocs:
 
     @property
     def components(self) -> FloatArray:
-        """Components (K, E, 2): changes of edges' lengths and angles, as `Shell` weighs them."""
+        """Components (K, E, 2): changes of edge lengths and angles in the units of `Shell`."""
         return self.learned().space.components
 
     @property
     def edges(self) -> IntArray:
-        """Ends (E, 2) of the edges that the components speak of."""
+        """Ends (E, 2) int64 of the edges, in the order of the components."""
         return self.learned().space.shell.hinges[:, :2]
 
     def weights(self, vertices: ArrayLike) -> FloatArray:
-        """Weights (N, K) of shapes (N, V, 3) by least squares on features, without their frames."""
+        """Weights (N, K) of shapes (N, V, 3) by least squares on features, without rotations."""
         shapes = self._checked(vertices)
         space = self.learned().space
         return space.project(np.array([space.shell.features(p) for p in shapes]))
 
     def encode(self, vertices: ArrayLike) -> FloatArray:
-        """Codes (N, K + 3) of shapes (N, V, 3): their weights, then the frame."""
+        """Codes (N, K + 3) of shapes (N, V, 3): their weights, then their rotation vectors."""
         shapes = self._checked(vertices)
         return self._with_frames(self.weights(shapes), shapes)
 
@@ -159,7 +163,7 @@ class EdgeSplocs:
         return deformation.fit(*checked_handles(vertices, targets, V), self.chosen_noise)
 
     def learned(self) -> EdgeDeformation:
-        """The deformation that `fit` has learned; InputError before."""
+        """The deformation that `fit` has learned; InputError before `fit`."""
         if self._deformation is None:
             raise InputError("EdgeSplocs has learned nothing yet; call fit first")
         return self._deformation
@@ -169,7 +173,7 @@ class EdgeSplocs:
         return checked_shapes(vertices, V)
 
     def _with_frames(self, w: FloatArray, shapes: FloatArray) -> FloatArray:
-        """Weights (N, K) and the rotation vectors that lay their shapes on `shapes` best."""
+        """Weights (N, K), and the rotation vectors that align their shapes to `shapes` best."""
         space = self.learned().space
         turned = np.empty((len(w), 3))
         for n, row in enumerate(w):

@@ -15,23 +15,22 @@ from deformer.geometry import FloatArray, polar, rotation_to_log
 class GradientSplocs(GradientSplocsMethod):
     """Sparse localised components of rotations and stretches of deformation gradients.
 
-    After Huang et al., "Sparse Localized Decomposition of Deformation Gradients" (2014): gradients
-    are split by polar decomposition, T = R S, and components are linear in the rotation's
-    logarithm and the stretch; vertices come from the gradients by least squares. The logarithm is
-    the principal one, at most π long, taken vertex by vertex: where a rotation passes π it jumps
-    to the other side, and nothing makes neighbours or shapes agree. That is the method's limit,
-    and left as it is.
+    After Huang et al., "Sparse Localized Decomposition of Deformation Gradients" (2014): polar
+    decomposition splits gradients, T = R S; components are linear in the logarithm of R and in S;
+    least squares computes vertices from gradients. The logarithm is the principal one of each
+    vertex, at most π long. It jumps where a rotation passes π, and neighbours or shapes may
+    disagree: this is a limit of the method.
 
-    Gradients are those of vertices as in `FeatureExtractor`, which hold a shape exactly; rotation
-    and stretch share one weight a component, so that K counts the same as for other methods. The
-    paper leaves open how a few points pose a mesh: that is `DataDrivenDeformation`.
+    Gradients are those of `FeatureExtractor`, which describe a shape exactly. Rotation and stretch
+    share one weight a component, so that K means the same as for other methods. The paper has no
+    handle fit: `DataDrivenDeformation` is used.
     """
 
     name: ClassVar[str] = "SPLOCS gradients"
     space: ClassVar[Space] = "gradients"
 
     def _extract(self, vertices: FloatArray) -> FloatArray:
-        extractor = self._extractor_in_use()
+        extractor = self._learned_extractor()
         q = np.empty((*vertices.shape[:2], 9))
         for n, shape in enumerate(vertices):
             R, S = polar(extractor.gradients(shape))

@@ -1,4 +1,4 @@
-"""The autoencoder's components, combined linearly: what its non-linear decoder adds."""
+"""Linear combinations of the autoencoder's components, an ablation of its decoder."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from deformer.training import HandleFit, choose_noise, fit_each_noise
 
 
 class LinearComponents(GradientMethod):
-    """Linear use of a trained autoencoder's components (Tan et al., AAAI 2018, an ablation there).
+    """Linear use of a trained autoencoder's components, an ablation of Tan et al. (AAAI 2018).
 
     Component k is the change of the features from the reference to its representative shape, which
-    the paper defines in its section on component analysis: of the two latent codes that are the
-    reference's but for entry k at its least or greatest value over the training shapes, the one
-    whose features lie farther from the reference's. Features are the reference's plus a linear
-    combination of these changes, with weights by linear least squares in scaled features.
-    Handle fits are `DataDrivenDeformation`'s.
+    the paper's section on component analysis defines. Two latent codes equal the reference's but
+    for entry k, which is its smallest or largest value over the training shapes; the representative
+    shape is the one whose features are farther from the reference's. Features are the reference's
+    plus a linear combination of these changes; least squares in scaled features gives the weights.
+    `DataDrivenDeformation` fits handles.
 
     Args:
         model: a trained model; None trains one on the shapes given to `fit`.
-        config, epochs, device: of that training, see `train`.
-        noise: of handle fits; None chooses it in `fit`. The components stay those of all
-            training shapes then; only the prior is without the shapes left out.
+        config, epochs, device: arguments of `train` for that training.
+        noise: σ of handle fits; None lets `fit` choose it. In that cross-validation the components
+            remain those of all training shapes; only the prior leaves out the held-out ones.
     """
 
     name: ClassVar[str] = "linear components"
@@ -49,7 +49,7 @@ class LinearComponents(GradientMethod):
         device: str = "auto",
         noise: float | None = None,
     ) -> None:
-        """Nothing is learned yet, even where a model is given: weights need the shapes."""
+        """Store the model and the settings; `fit` is needed even with a model, for the weights."""
         super().__init__(noise)
         self.config, self.epochs, self.device = config, epochs, device
         self._given = model
@@ -59,7 +59,8 @@ class LinearComponents(GradientMethod):
         """Learn K = `components` components; shape 0 is the reference.
 
         Raises:
-            InputError: a given model has other components, or was not made for these shapes.
+            InputError: the given model has another number of components or another connectivity,
+                fewer than 2 shapes, or a noise that is not positive.
         """
         self._check_training(len(shapes), components)
         model = self._given

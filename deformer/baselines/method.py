@@ -1,4 +1,4 @@
-"""What every compared method offers."""
+"""Protocols of the compared methods."""
 
 from __future__ import annotations
 
@@ -8,35 +8,41 @@ from numpy.typing import ArrayLike
 
 from deformer.geometry import FloatArray, MeshSequence
 
-# What a method's components are made of.
+# Quantity that a method's components are linear in; "none" for a method without components.
 Space = Literal["vertices", "gradients", "edges", "acap", "none"]
 
 
-class Poser(Protocol):
-    """Poses a mesh by a few known vertices; whether it has components, `space` says.
+class PosingMethod(Protocol):
+    """A method that poses a mesh by a few known vertices.
 
-    Settings are the constructor's; `fit` learns, and returns the method itself. A test shape is
-    never seen by `fit`, nor by anything chosen there. A method whose space is "none" has no
-    components and is no more than this.
+    Settings are arguments of the constructor; `fit` learns and returns the method itself. `fit`
+    never sees a test shape. `space` is "none" for a method without components; all others are a
+    `ComponentMethod`, too.
     """
 
     name: ClassVar[str]
     space: ClassVar[Space]
 
     def fit(self, shapes: MeshSequence, components: int, seed: int = 0) -> Self:
-        """Learn K = `components` components from the training shapes; shape 0 is the reference."""
+        """Learn from the training shapes.
+
+        Args:
+            shapes: training shapes; shape 0 is the reference.
+            components: number K of components; ignored by methods without.
+            seed: seed of random choices.
+        """
         ...
 
     def fit_handles(self, vertices: ArrayLike, targets: ArrayLike) -> FloatArray:
-        """The mesh (V, 3) when only vertices (H,) are known to lie at targets (H, 3)."""
+        """Most likely mesh (V, 3) when vertices (H,) are known to be at targets (H, 3)."""
         ...
 
 
-class Method(Poser, Protocol):
-    """Learns components of example shapes, and poses a mesh by them."""
+class ComponentMethod(PosingMethod, Protocol):
+    """A method that learns K components of example shapes and encodes shapes in them."""
 
     def encode(self, vertices: ArrayLike) -> FloatArray:
-        """Codes (N, K) of shapes (N, V, 3) in one pass, without a search."""
+        """Codes (N, K) of shapes (N, V, 3), by one pass of the encoder or one linear solve."""
         ...
 
     def fit_codes(self, vertices: ArrayLike) -> FloatArray:

@@ -14,10 +14,10 @@ from deformer.geometry import FloatArray, Mesh
 class PCA(LinearMethod):
     """Principal components: Alexa and Müller, "Representing Animations by Principal Components".
 
-    Eurographics 2000. Shapes are the mean of the training shapes plus orthonormal components, those
-    that hold most of the variance first; `encode` projects on them. The paper first takes out each
-    frame's affine motion and keeps it beside the codes; that is left out here, for a code should
-    say where the shape is. N shapes have N − 1 components: further ones are 0.
+    Eurographics 2000. Shapes are the mean of the training shapes plus orthonormal components, the
+    largest variance first; `encode` projects on them. The paper first removes each frame's affine
+    motion and stores it beside the codes; this is left out here, because a code should determine
+    the position of the shape. N shapes have N − 1 components: further ones are 0.
     """
 
     name: ClassVar[str] = "PCA"
@@ -25,7 +25,7 @@ class PCA(LinearMethod):
     def fit_basis(
         self, vertices: FloatArray, reference: Mesh, components: int, seed: int
     ) -> LinearBasis:
-        """Basis of shapes (N, V, 3); neither the reference nor the seed matters."""
+        """Basis of shapes (N, V, 3); `reference` and `seed` are ignored."""
         mean = vertices.mean(0)
         right = principal_components((vertices - mean).reshape(len(vertices), -1), components)[1]
         return LinearBasis(mean, right.reshape(-1, *mean.shape), np.empty((0, components)))
@@ -34,7 +34,7 @@ class PCA(LinearMethod):
 def principal_components(centred: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
     """Singular values (K,) and orthonormal components (K, D) of centred rows (N, D).
 
-    Beyond the rank of the data, told from rounding at 1e-10 of the largest value, both are 0.
+    Both are 0 beyond the rank of the data: values below 1e-10 of the largest count as rounding.
     """
     _, found, right = np.linalg.svd(centred, full_matrices=False)
     kept = min(count, int((found > 1e-10 * found[0]).sum()))

@@ -1,4 +1,4 @@
-"""All methods by name."""
+"""The compared methods by name."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from deformer.baselines.biharmonic import Biharmonic, NearestBiharmonic
 from deformer.baselines.clustered_pca import ClusteredPCA
 from deformer.baselines.edges import EdgeSplocs
 from deformer.baselines.gradients import GradientSplocs
-from deformer.baselines.method import Poser
+from deformer.baselines.method import PosingMethod
 from deformer.baselines.pca import PCA
 from deformer.baselines.rigid import Arap, NearestArap
 from deformer.baselines.splocs import SPLOCS
 from deformer.baselines.structured_factors import StructuredFactors
 
-# Makes an untrained method by its name, in the order of tables.
-METHODS: dict[str, Callable[[], Poser]] = {
+# Constructors of untrained methods by name, in the order of tables.
+METHODS: dict[str, Callable[[], PosingMethod]] = {
     "pca": PCA,
     "clustered-pca": ClusteredPCA,
     "splocs": SPLOCS,

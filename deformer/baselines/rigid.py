@@ -11,15 +11,15 @@ from deformer.baselines._examples import Bending
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
 
-# libigl's iterations between two looks at whether vertices still move; a vertex moves less than
-# the tolerance (a share of the shape's size) at the end, or the rounds are spent.
+# libigl runs so many iterations a round. Rounds end when no vertex moves by more than the tolerance
+# (relative to the shape's size), or after the largest number of rounds.
 _ITERATIONS = 10
 _TOLERANCE = 1e-4
 _ROUNDS = 20
 
 
 class Arap(Bending):
-    """Bends the reference as rigidly as possible (Sorkine and Alexa, SGP 2007)."""
+    """Deforms the reference as rigidly as possible (Sorkine and Alexa, SGP 2007)."""
 
     name: ClassVar[str] = "arap"
 
@@ -46,7 +46,7 @@ class Arap(Bending):
 
 
 class NearestArap(Arap):
-    """Bends the training shape that is nearest by its control points."""
+    """Deforms the training shape whose control points are nearest to the targets."""
 
     name: ClassVar[str] = "arap-nearest"
     nearest: ClassVar[bool] = True

@@ -15,27 +15,27 @@ from deformer.training import LocalisedSettings, localised_components
 class SPLOCS(LinearMethod):
     """Neumann et al., "Sparse Localized Deformation Components", SIGGRAPH Asia 2013.
 
-    Displacements from the mean of the training shapes, geodesic distances on the reference in units
-    of the largest one. Unseen shapes are encoded by plain least squares, the paper's way. Left out:
-    rigid alignment of the input (a code should say where the shape is) and the editing constraints
-    of the user.
+    Components of displacements from the mean of the training shapes, with geodesic distances on the
+    reference in units of the largest one. Least squares encodes unseen shapes, as in the paper.
+    Left out: rigid alignment of the input, because a code should determine the position of the
+    shape, and the user's editing constraints.
 
     Args:
-        settings: of the optimisation. λ = 2 is that of the authors' program; d_min = 0.2 and
-            d_max = 0.4 are what Tan et al. (AAAI 2018) use for such distances; weights lie in
-            [−1, 1], one of the paper's two ranges.
+        settings: settings of the optimisation; None is their default. λ = 2 is that of the authors'
+            program; d_min = 0.2 and d_max = 0.4 are those of Tan et al. (AAAI 2018) for such
+            distances; weights are in [−1, 1], one of the paper's two ranges.
     """
 
     name: ClassVar[str] = "SPLOCS"
 
     def __init__(self, settings: LocalisedSettings | None = None) -> None:
-        """Keep the settings."""
+        """Store the settings."""
         self._settings = settings or LocalisedSettings()
 
     def fit_basis(
         self, vertices: FloatArray, reference: Mesh, components: int, seed: int
     ) -> LinearBasis:
-        """Basis of shapes (N, V, 3); nothing is random."""
+        """Basis of shapes (N, V, 3); `seed` is ignored."""
         mean = vertices.mean(0)
         distances = Geodesics(reference).normalised_row
         found = localised_components(vertices - mean, distances, components, self._settings)

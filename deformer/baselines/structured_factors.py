@@ -17,33 +17,36 @@ from deformer.geometry import FloatArray, IntArray, Mesh
 
 # λ_A of the authors' program.
 _CODE_WEIGHT = 1e-4
-# λ, a quarter, a sixteenth, ... are tried until there are K pieces.
+# Number of attempts with λ, λ / 4, λ / 16, …; the first one that gives K pieces is the last.
 _ATTEMPTS = 4
-# A coordinate of less variance than this, where the mean is 1, does not move.
-_STILL = 1e-12
+# Coordinates with a variance below this (the mean is 1) count as immobile.
+_IMMOBILE = 1e-12
 
 
 class StructuredFactors(LinearMethod):
     """Bernard et al., "Linear Shape Deformation Models with Local Support ...", CVPR 2016.
 
     "... using Graph-based Structured Matrix Factorisation". Displacements from the mean of the
-    training shapes, of unit variance, are factored under a norm that asks for few and smoothly
-    varying vertices (`StructuredNorm`), then every factor is split into the regions of the mesh
-    where it is not 0, and of these pieces the K with the most energy are kept: factorisation and
-    splitting together may make many more than K. Where they make fewer, as where most of the mesh
-    hardly moves, λ is quartered and the factorisation repeated, up to three times. Unseen shapes
-    are encoded by least squares. All other weights and the number of iterations are those of the
-    authors' program, which takes the graph from the mean shape, this from the reference.
+    training shapes, scaled to unit variance, are factorised under a norm that favours factors of
+    few, smoothly varying vertices (`StructuredNorm`). Each factor is then split into the connected
+    regions of the mesh where it is not 0, and the K pieces of largest energy are the components.
+    There may be many more pieces than K. If there are fewer, as where most of the mesh hardly
+    moves, the factorisation is repeated with λ / 4, up to three times. Least squares encodes unseen
+    shapes. All other weights and the number of iterations are those of the authors' program, which
+    uses the graph of the mean shape in place of the reference's.
 
     Args:
-        strength: λ of the whole norm.
-        iterations: of the block coordinate descent, at most.
+        strength: λ, the weight of the whole norm.
+        iterations: largest number of iterations of the block coordinate descent.
+
+    Raises:
+        InputError: a negative strength, or fewer than 1 iteration.
     """
 
     name: ClassVar[str] = "Structured factors"
 
     def __init__(self, strength: float = 64.0, iterations: int = 100) -> None:
-        """Keep the settings."""
+        """Store the settings."""
         if not strength >= 0:
             raise InputError(f"strength: expected at least 0, got {strength}")
         if iterations < 1:
@@ -53,7 +56,7 @@ class StructuredFactors(LinearMethod):
     def fit_basis(
         self, vertices: FloatArray, reference: Mesh, components: int, seed: int
     ) -> LinearBasis:
-        """Basis of shapes (N, V, 3); the seed draws the coordinates that the factors start from."""
+        """Basis of shapes (N, V, 3); `seed` draws the coordinates at which factors start."""
         mean = vertices.mean(0)
         unit = float((vertices - mean).std()) or 1.0
         norm = structured_norm(reference)
@@ -78,7 +81,7 @@ class Factors:
     Args:
         factors: (K, V, 3).
         weights: (N, K).
-        objective: values from the start on; never rises.
+        objective: value at the start and after each iteration; it never increases.
     """
 
     factors: FloatArray
@@ -92,21 +95,22 @@ def factorise(
     """Minimise ½‖X − A Φ‖² + λ Σ_k ‖Φ_k‖ λ_A ‖A_k‖₂/√N by block coordinate descent.
 
     Proximal gradient steps on A and Φ in turn from extrapolated points (Xu and Yin 2013), as in
-    Haeffele, Young and Vidal (2014). A step that does not lower the objective is taken again
-    without extrapolation; when that does not lower it either, it ends.
+    Haeffele, Young and Vidal (2014). A step that does not lower the objective is repeated without
+    extrapolation; the descent ends when that does not lower it either.
 
     Args:
-        data: (N, V, 3) of unit variance.
-        norm: of the factors.
-        count: K. Each factor starts as one coordinate of one vertex, drawn with `seed` from those
-            that move: another would never get weights.
-        strength: λ K / (3 V N), so that it means the same for any size of the data.
-        iterations: at most.
+        data: (N, V, 3) displacements of unit variance.
+        norm: norm of the factors.
+        count: K. Each factor starts as one coordinate of one vertex, drawn from those that move:
+            others would never get weights.
+        strength: λ K / (3 V N), whose effect does not depend on the size of the data.
+        iterations: largest number of iterations.
+        seed: draws the start.
     """
     N, V, _ = data.shape
     X = data.reshape(N, -1)
-    charge = strength * 3 * V * N / count * _CODE_WEIGHT / np.sqrt(N)
-    moving = np.flatnonzero((X**2).sum(0) > _STILL * N)
+    penalty = strength * 3 * V * N / count * _CODE_WEIGHT / np.sqrt(N)
+    moving = np.flatnonzero((X**2).sum(0) > _IMMOBILE * N)
     start = np.random.default_rng(seed).choice(
         moving if len(moving) else 3 * V, count, replace=count > (len(moving) or 3 * V)
     )
@@ -114,51 +118,54 @@ def factorise(
     factors.reshape(count, -1)[np.arange(count), start] = 1.0
     weights = np.zeros((N, count))
     dual = np.zeros((count, len(norm.pairs), 3))
-    norms = norm.of(factors)
+    norms = norm.values(factors)
 
     def objective(A: FloatArray, F: FloatArray, of_factors: FloatArray) -> float:
         misfit = ((X - A @ F.reshape(count, -1)) ** 2).sum() / 2
-        return float(misfit + charge * (of_factors * np.linalg.norm(A, axis=0)).sum())
+        return float(misfit + penalty * (of_factors * np.linalg.norm(A, axis=0)).sum())
 
     history = [objective(weights, factors, norms)]
-    ahead_weights, ahead_factors, extrapolated = weights, factors, False
-    pace, bounds = 1.0, (np.inf, np.inf)
+    extrapolated_weights, extrapolated_factors, is_extrapolated = weights, factors, False
+    momentum, bounds = 1.0, (np.inf, np.inf)
     for _ in range(iterations):
         flat = factors.reshape(count, -1)
         gram = flat @ flat.T
         bound = _largest(gram)
-        new_weights = _shortened(
-            ahead_weights - (ahead_weights @ gram - X @ flat.T) / bound, charge * norms / bound
+        new_weights = _shrink_columns(
+            extrapolated_weights - (extrapolated_weights @ gram - X @ flat.T) / bound,
+            penalty * norms / bound,
         )
         gram, lengths = new_weights.T @ new_weights, np.linalg.norm(new_weights, axis=0)
         bound = bound, _largest(gram)
-        flat = ahead_factors.reshape(count, -1)
+        flat = extrapolated_factors.reshape(count, -1)
         step = flat - (gram @ flat - new_weights.T @ X) / bound[1]
-        new_factors = norm.shrink(step.reshape(factors.shape), charge * lengths / bound[1], dual)
+        new_factors = norm.proximal_map(
+            step.reshape(factors.shape), penalty * lengths / bound[1], dual
+        )
         new_factors[lengths == 0] = 0.0
-        new_norms = norm.of(new_factors)
+        new_norms = norm.values(new_factors)
         value = objective(new_weights, new_factors, new_norms)
         if value >= history[-1]:
-            if not extrapolated:
+            if not is_extrapolated:
                 break
-            ahead_weights, ahead_factors, extrapolated = weights, factors, False
+            extrapolated_weights, extrapolated_factors, is_extrapolated = weights, factors, False
             continue
         history.append(value)
-        pace, before = (1 + np.sqrt(1 + 4 * pace**2)) / 2, pace
-        lead = (before - 1) / pace
-        reach = [min(lead, np.sqrt(a / b)) for a, b in zip(bounds, bound, strict=True)]
-        ahead_weights = new_weights + reach[0] * (new_weights - weights)
-        ahead_factors = new_factors + reach[1] * (new_factors - factors)
+        momentum, previous = (1 + np.sqrt(1 + 4 * momentum**2)) / 2, momentum
+        inertia = (previous - 1) / momentum
+        extrapolation = [min(inertia, np.sqrt(a / b)) for a, b in zip(bounds, bound, strict=True)]
+        extrapolated_weights = new_weights + extrapolation[0] * (new_weights - weights)
+        extrapolated_factors = new_factors + extrapolation[1] * (new_factors - factors)
         weights, factors, norms = new_weights, new_factors, new_norms
-        bounds, extrapolated = bound, True
+        bounds, is_extrapolated = bound, True
     return Factors(factors, weights, np.array(history))
 
 
 def split(found: Factors, pairs: IntArray) -> list[FloatArray]:
-    """Pieces (V, 3) of the factors, one for each region of the graph (E, 2) where one is not 0.
+    """Pieces (V, 3) of the factors, one for each connected region where a factor is not 0.
 
-    Those come first that hold the most energy, the squared length of the piece times that of its
-    weights; a factor without weights has no pieces.
+    `pairs` (E, 2) are the edges of the graph. Pieces are in decreasing order of energy, the squared
+    length of the piece times that of its weights; a factor without weights has no pieces.
     """
     pieces, energies = [], []
     for factor, weight in zip(found.factors, found.weights.T, strict=True):
@@ -174,12 +181,12 @@ def split(found: Factors, pairs: IntArray) -> list[FloatArray]:
 
 
 def _largest(gram: FloatArray) -> float:
-    """Largest eigenvalue of a Gram matrix (K, K), the Lipschitz constant; 1 for zero."""
+    """Largest eigenvalue of a Gram matrix (K, K), a Lipschitz constant; 1 where it is 0."""
     return float(np.linalg.eigvalsh(gram)[-1]) or 1.0
 
 
-def _shortened(columns: FloatArray, by: FloatArray) -> FloatArray:
-    """Columns (N, K) made shorter by (K,), down to 0: the proximal map of their length."""
+def _shrink_columns(columns: FloatArray, by: FloatArray) -> FloatArray:
+    """Columns (N, K) shortened by (K,), at most to 0: the proximal map of their lengths."""
     length = np.linalg.norm(columns, axis=0)
     kept = np.maximum(0.0, length - by) / np.where(length > 0, length, 1.0)
     return columns * kept

@@ -1,4 +1,4 @@
-"""How well methods do on shapes that they have not seen: splits, protocols, a resumable runner.
+"""Evaluation of methods on unseen shapes: splits, protocols and a resumable runner.
 
 The names that other packages may use are listed in `__init__.pyi`; each is loaded when it is
 first asked for.

@@ -1,4 +1,4 @@
-"""Rows of results, and the journal that lets an interrupted run go on."""
+"""Rows of results, and the journal from which an interrupted run continues."""
 
 from __future__ import annotations
 
@@ -12,12 +12,16 @@ from deformer.io import atomic_path
 
 Column = Literal["dataset", "method", "protocol", "count", "seed", "metric", "value"]
 COLUMNS: tuple[Column, ...] = ("dataset", "method", "protocol", "count", "seed", "metric", "value")
-# The metric of a row whose value is the one-line reason why there is no other.
+# Metric of a row that reports a failure; its value is the reason in one line.
 FAILURE = "failure"
 
 
 class Row(TypedDict):
-    """One number: what was measured, on what, and how."""
+    """One measured number with its data set, method, protocol, count, seed and metric.
+
+    `count` is a number of components or of control points, or an upper bound in degrees (protocol
+    "rotation").
+    """
 
     dataset: str
     method: str
@@ -29,19 +33,19 @@ class Row(TypedDict):
 
 
 class Journal:
-    """Rows of finished measurements by their keys, on disk: a line of JSON for each.
+    """Rows of measurements by their keys, in a file with a line of JSON for each measurement.
 
-    The last line of a key counts. A line that was cut off by a crash is dropped.
+    Of several lines with one key the last is valid. A last line that a crash cut off is dropped.
 
     Args:
-        path: the file; it is made when the first measurement is finished.
+        path: the file; `add` creates it.
 
     Raises:
-        InputError: the file is there and is no journal.
+        InputError: the file exists and is not a journal.
     """
 
     def __init__(self, path: Path) -> None:
-        """Read what is there."""
+        """Read the file, if it exists."""
         self._path = path
         self._rows: dict[str, list[Row]] = {}
         if not path.is_file():
@@ -57,12 +61,12 @@ class Journal:
                         f"{path}, line {number + 1}: not an entry of a journal; choose another "
                         "directory or delete the file"
                     ) from error
-                # What comes next must begin on a line of its own.
+                # The next entry must begin on a line of its own.
                 with atomic_path(path) as temporary:
                     temporary.write_bytes(b"".join(lines[:-1]))
 
     def __contains__(self, key: str) -> bool:
-        """True for a finished measurement; one that failed is not, and will be tried again."""
+        """True for a finished measurement; a failed one is not finished, and is tried again."""
         return key in self._rows and not any(row["metric"] == FAILURE for row in self._rows[key])
 
     def __getitem__(self, key: str) -> list[Row]:
@@ -70,7 +74,7 @@ class Journal:
         return self._rows[key]
 
     def add(self, key: str, rows: list[Row]) -> None:
-        """Keep a measurement's rows; they are on disk when this returns."""
+        """Store a measurement's rows; they are on disk when this returns."""
         self._rows[key] = rows
         line = json.dumps({"key": key, "rows": rows}, ensure_ascii=False, allow_nan=False)
         with self._path.open("ab") as file:
@@ -78,7 +82,7 @@ class Journal:
 
 
 def write_csv(path: Path, rows: list[Row]) -> None:
-    """Write rows as a table with a head; an existing file is replaced at the end."""
+    """Write rows as CSV with a header line; an existing file is replaced at the end."""
     with atomic_path(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)

@@ -1,4 +1,4 @@
-"""One job: train a method, then take its measurements."""
+"""One job: train a method, then measure it."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from typing import cast
 import numpy as np
 import torch
 
-from deformer.baselines import Method, Poser
+from deformer.baselines import ComponentMethod, PosingMethod
 from deformer.evaluation import protocols
 from deformer.evaluation.journal import FAILURE, Row
-from deformer.evaluation.methods import offers_codes, trained
+from deformer.evaluation.methods import has_components, train_method
 from deformer.evaluation.plan import EXAMPLE_COUNT, Job, Measurement, Training
 from deformer.evaluation.sources import SplitData, load_split
 from deformer.geometry import FloatArray, Mesh, e_rms
@@ -24,15 +24,15 @@ Errors = protocols.Errors
 
 
 def run_job(job: Job, folder: Path) -> Iterator[tuple[str, list[Row]]]:
-    """Train a method and give the key and rows of one measurement after the other.
+    """Train a method and yield the key and the rows of each of its measurements.
 
-    A measurement that raises gives a row of the metric "failure", and a training that raises gives
-    one for each of the job's measurements. One thread each for PyTorch and BLAS, so that the
-    numbers do not depend on how many jobs run beside this one.
+    A measurement that raises yields a row of the metric "failure"; a training that raises yields
+    such a row for each measurement of the job. PyTorch and BLAS use one thread each, so that the
+    numbers do not depend on how many jobs run at once.
 
     Args:
-        job: what to do.
-        folder: of the run; networks and examples are kept there.
+        job: the training and its measurements.
+        folder: directory of the run; networks and example meshes are written there.
     """
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
@@ -43,8 +43,8 @@ def run_job(job: Job, folder: Path) -> Iterator[tuple[str, list[Row]]]:
         torch.set_num_threads(threads)
 
 
-def failed(job: Job, reason: str) -> Iterator[tuple[str, list[Row]]]:
-    """Keys and rows of all measurements of a job that came to nothing."""
+def failure_rows(job: Job, reason: str) -> Iterator[tuple[str, list[Row]]]:
+    """Key and row of the metric "failure" for each measurement of a job; `reason` is one line."""
     for measurement in job.measurements:
         protocol = measurement.protocol(job.training)
         row = _row(job.training, measurement, protocol, measurement.count, FAILURE, reason)
@@ -55,7 +55,7 @@ def _run(job: Job, folder: Path) -> Iterator[tuple[str, list[Row]]]:
     training = job.training
     try:
         data = _split_data(training, ())
-        method, seconds = trained(
+        method, seconds = train_method(
             training.method,
             data.train,
             training.components,
@@ -63,9 +63,9 @@ def _run(job: Job, folder: Path) -> Iterator[tuple[str, list[Row]]]:
             training.setting,
             folder / "models" / training.network if training.network else None,
         )
-    # What a method may raise is its own affair: the failure is a row, and the run goes on.
+    # A method may raise anything: the failure becomes a row, and the run continues.
     except Exception as error:
-        yield from failed(job, protocols.one_line(error))
+        yield from failure_rows(job, protocols.one_line(error))
         return
     by_test: dict[tuple[int, ...], _TrainedMethod] = {}
     for measurement in job.measurements:
@@ -104,37 +104,37 @@ def _row(
 
 
 class _TrainedMethod:
-    """A trained method and its test shapes; what several measurements need is computed once."""
+    """A trained method with its test shapes; caches results that several measurements share."""
 
     def __init__(
-        self, training: Training, test: tuple[int, ...], method: Poser, folder: Path
+        self, training: Training, test: tuple[int, ...], method: PosingMethod, folder: Path
     ) -> None:
         self.training, self.method, self.folder = training, method, folder
         self.data = _split_data(training, test)
 
     @cached_property
     def _encoded(self) -> FloatArray:
-        """The test shapes (N, V, 3) as one pass of the encoder gives them."""
+        """Reconstructions (N, V, 3) of the test shapes by one encoder pass."""
         return protocols.encoder_pass(self._coded, self.data.test)
 
     @cached_property
     def _fitted(self) -> FloatArray:
-        """The shapes (N, V, 3) of the method that come closest to the test shapes."""
+        """The decodable shapes (N, V, 3) closest to the test shapes."""
         return protocols.best_fit(self._coded, self.data.test)
 
     @property
-    def _coded(self) -> Method:
-        return cast(Method, self.method)  # plans ask for the codes of no other
+    def _coded(self) -> ComponentMethod:
+        return cast(ComponentMethod, self.method)  # plans measure codes only where there are
 
     def rows(self, measurement: Measurement) -> list[Row]:
-        """Rows of a measurement; of the metric "failure" where something was raised."""
+        """Rows of a measurement; a part that raises becomes a row of the metric "failure"."""
         name = measurement.protocol(self.training)
         parts: dict[str, Callable[[], dict[int, Errors]]]
         if measurement.kind == "sparse_control":
             parts = {name: lambda: self._control(measurement)}
         elif measurement.kind == "example":
             parts = {f"{name}/sparse_control": self._example_control}
-            if offers_codes(self.training.method):
+            if has_components(self.training.method):
                 parts[f"{name}/encoder"] = self._example_encoder
         else:
             rotation = measurement.kind == "rotation"
@@ -168,7 +168,7 @@ class _TrainedMethod:
 
     def _rotation(self, estimate: FloatArray) -> dict[int, Errors]:
         angles = protocols.largest_rotations(self.data.reference, self.data.test)
-        return dict(protocols.by_rotation(angles, self.data.test, estimate))
+        return dict(protocols.errors_by_rotation(angles, self.data.test, estimate))
 
     def _control(self, measurement: Measurement) -> dict[int, Errors]:
         data, source = self.data, self.training.source
@@ -188,19 +188,19 @@ class _TrainedMethod:
         shape = self.data.test[len(self.data.test) // 2]
         vertices = self.data.control_vertices(EXAMPLE_COUNT, self.training.number)
         estimate = np.asarray(self.method.fit_handles(vertices, shape[vertices]))
-        return self._keep("sparse_control", shape, estimate, e_rms(shape, estimate, "none"))
+        return self._save_example("sparse_control", shape, estimate, e_rms(shape, estimate, "none"))
 
     def _example_encoder(self) -> dict[int, Errors]:
         middle = len(self.data.test) // 2
         shape = self.data.test[middle]
         estimate = self._encoded[middle]
         estimate = estimate + (shape.mean(axis=0) - estimate.mean(axis=0))
-        return self._keep("encoder", shape, estimate, e_rms(shape, estimate))
+        return self._save_example("encoder", shape, estimate, e_rms(shape, estimate))
 
-    def _keep(
+    def _save_example(
         self, what: str, shape: FloatArray, estimate: FloatArray, error: float
     ) -> dict[int, Errors]:
-        """Write the true and the estimated mesh for pictures."""
+        """Write the true and the estimated mesh, which the report draws."""
         folder = self.folder / "examples" / self.training.source.name
         folder.mkdir(parents=True, exist_ok=True)
         faces = self.data.train.faces

@@ -1,4 +1,4 @@
-"""The compared methods by name, and how one is trained, or taken from an earlier run."""
+"""The compared methods by name, and their training or loading from an earlier run."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from shutil import rmtree
 
-from deformer.baselines import METHODS, Autoencoder, LinearComponents, Poser
+from deformer.baselines import METHODS, Autoencoder, LinearComponents, PosingMethod
 from deformer.geometry import MeshSequence
 from deformer.model import DeformationModel, load_model
 from deformer.network import resolve_config
@@ -18,13 +18,13 @@ from deformer.training import has_checkpoint, train
 
 @dataclass(frozen=True)
 class Setting:
-    """What a network is trained with, beside its configuration; nothing for other methods.
+    """Settings of a network's training beside its configuration; other methods have none.
 
     Args:
-        epochs: training steps; None keeps the configuration's.
-        lambdas: weights λ₁ of sparsity and λ₂ of the latent range; None keeps them.
+        epochs: number of training steps; None keeps the configuration's.
+        lambdas: weights λ₁ of sparsity and λ₂ of the latent range; None keeps the configuration's.
         model: directory or name of a trained model, in place of training.
-        digest: of that model's files.
+        digest: hash of that model's weights.
     """
 
     epochs: int | None = None
@@ -34,7 +34,7 @@ class Setting:
 
     @classmethod
     def of_model(cls, model: str) -> Setting:
-        """The setting of a trained model.
+        """The setting that uses a trained model, given by its directory or name.
 
         Raises:
             InputError: there is no such model.
@@ -47,52 +47,52 @@ class Setting:
 
     @property
     def label(self) -> str:
-        """For progress."""
+        """Text for progress lines; empty unless λ₁ and λ₂ are set."""
         return "λ {:g} {:g}".format(*self.lambdas) if self.lambdas else ""
 
 
 @dataclass(frozen=True)
 class NetworkMethod:
-    """A method that stands on one of the project's networks.
+    """A method that uses one of the project's networks.
 
     Args:
         config: the network's configuration; methods of one configuration share the network.
-        of: makes the method from the trained model.
-        learns: whether it has to see the training shapes again.
+        make: makes the method from the trained model.
+        sees_shapes: true when the method also learns from the training shapes.
     """
 
     config: str
-    of: Callable[[DeformationModel], Poser]
-    learns: bool = False
+    make: Callable[[DeformationModel], PosingMethod]
+    sees_shapes: bool = False
 
 
-# By name, in the order of tables, before the methods of `deformer.baselines`.
+# By name, in the order of tables; those of `deformer.baselines` follow.
 NETWORKS = {
     "autoencoder": NetworkMethod("default", Autoencoder),
     "autoencoder-paper": NetworkMethod("paper", Autoencoder),
-    "linear-components": NetworkMethod("paper", LinearComponents, learns=True),
+    "linear-components": NetworkMethod("paper", LinearComponents, sees_shapes=True),
 }
 
 
 def known_methods() -> tuple[str, ...]:
-    """Names that can be compared, in the order of tables."""
+    """Names of all methods, in the order of tables."""
     return (*NETWORKS, *METHODS)
 
 
-def offers_codes(method: str) -> bool:
-    """Whether a method has components; one without only poses by control points."""
+def has_components(method: str) -> bool:
+    """True if a method has components; one without only poses a mesh by control points."""
     return method in NETWORKS or method == "model" or METHODS[method]().space != "none"
 
 
-def trained(
+def train_method(
     method: str,
     shapes: MeshSequence,
     components: int,
     seed: int,
     setting: Setting,
     cache: Path | None,
-) -> tuple[Poser, float]:
-    """A trained method, and the seconds that its training took.
+) -> tuple[PosingMethod, float]:
+    """Train a method, or load it; returns it with the seconds that its training took.
 
     Args:
         method: a known name, or "model" for the setting's model.
@@ -100,11 +100,11 @@ def trained(
         components: K.
         seed: of the training.
         setting: of a network.
-        cache: where a network is kept: its model is taken from there, or training goes on from a
-            checkpoint beside it. None for other methods, which are learned anew.
+        cache: directory of a network's model: the model is loaded from there, or training resumes
+            from a checkpoint beside it. None for other methods, which are always trained.
 
     Raises:
-        KeyboardInterrupt: training was interrupted; the checkpoint is saved.
+        KeyboardInterrupt: training was interrupted; its checkpoint is saved.
     """
     if setting.model is not None:
         model = load_model(setting.model)
@@ -119,8 +119,8 @@ def trained(
     else:
         model = _train_network(entry.config, shapes, components, seed, setting, cache)
         before = max(0.0, float(model.summary["seconds"]) - (time.perf_counter() - begun))
-    poser = entry.of(model)
-    if entry.learns:
+    poser = entry.make(model)
+    if entry.sees_shapes:
         poser = poser.fit(shapes, components, seed)
     return poser, before + time.perf_counter() - begun
 
@@ -144,7 +144,7 @@ def _train_network(
         config=settings,
         epochs=setting.epochs,
         seed=seed,
-        # The same numbers on every machine that goes on with a run.
+        # Every machine that continues a run computes the same numbers.
         device="cpu",
         checkpoint=checkpoint,
         resume=has_checkpoint(checkpoint),

@@ -1,8 +1,8 @@
-"""The numbers that Tan et al. (AAAI 2018) state, and which of our names they belong to."""
+"""The numbers that Tan et al. (AAAI 2018) print, by the method names of this project."""
 
 from __future__ import annotations
 
-# The paper's methods and ours.
+# The paper's names of the methods, and this project's.
 METHODS = {
     "Ours": "autoencoder-paper",
     "Wang et al.": "splocs-edges",
@@ -11,8 +11,8 @@ METHODS = {
     "Bernard et al.": "structured-factors",
 }
 
-# Table "moreevaluation": 50 components, one frame in ten for training; by the paper's data set,
-# the counterpart here, and metric.
+# Table "moreevaluation": 50 components, one frame in ten for training. Keys: the paper's data set,
+# the data set used here in its place, metric.
 _COLUMNS = tuple(METHODS)
 MORE_EVALUATION: dict[tuple[str, str, str], dict[str, float]] = {
     key: dict(zip(_COLUMNS, values, strict=True))
@@ -37,8 +37,8 @@ DIFF_LAMBDA = {
     (0.6, 0.4): 14.093,
 }
 
-# What the text says of figure "gerror" at 50 components: by our data set and metric, then method.
-# The curves themselves are pictures; of figure "sparse_control" the text states no number.
+# Figure "gerror" at 50 components, as the paper's text states it: by data set and metric, then
+# method. The curves are pictures only; for figure "sparse_control" the text states no number.
 GERROR = {
     ("scape", "E_rms"): {"autoencoder-paper": 13.556, "linear-components": 17.1754},
     ("crane", "E_rms"): {"autoencoder-paper": 14.0836, "linear-components": 25.2994},

@@ -1,7 +1,8 @@
-"""Which methods are trained on what, and which measurements are then taken of each.
+"""The plan of an evaluation: trainings, and the measurements of each trained method.
 
-A plan is made before anything runs. Each measurement has a key of all that decides its rows, so
-that an interrupted run goes on, and a changed option computes only what it changes.
+The plan is made before anything runs. The key of a measurement is a hash of everything that its
+rows depend on: an interrupted run continues with the missing keys, and a changed option recomputes
+only the measurements that it affects.
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 from deformer.errors import InputError
-from deformer.evaluation.methods import NETWORKS, Setting, known_methods, offers_codes
+from deformer.evaluation.methods import NETWORKS, Setting, has_components, known_methods
 from deformer.evaluation.sources import Source
-from deformer.evaluation.splits import Split, limited, random_split, sequence_split
+from deformer.evaluation.splits import Split, limit_test_shapes, random_split, sequence_split
 from deformer.network import PRESETS
 
 Protocol = Literal["reconstruction", "sparse_control", "sensitivity", "noise", "rotation"]
@@ -27,19 +28,20 @@ PROTOCOLS: tuple[Protocol, ...] = (
 )
 Kind = Literal["training", "reconstruction", "rotation", "sparse_control", "example"]
 
-# The paper's other settings of (λ₁, λ₂) beside (0.5, 0.5), and the method that they are tried on.
+# The paper's settings of (λ₁, λ₂) besides (0.5, 0.5), and the method that is trained with them.
 LAMBDAS = ((0.4, 0.4), (0.6, 0.6), (0.4, 0.6), (0.6, 0.4))
 LAMBDA_METHOD = "autoencoder-paper"
+# Standard deviations of noise, in bounding diagonals of the reference.
 NOISE = (0.005, 0.01, 0.02)
-# Control points of the pictures.
+# Number of control points of the pictures.
 EXAMPLE_COUNT = 20
-# Raised when rows would come out otherwise for the same key.
+# To be incremented when the rows of an unchanged key change.
 _VERSION = 5
 
 
 @dataclass(frozen=True)
 class Study:
-    """What to measure on one data set.
+    """The measurements of several methods on one data set.
 
     Args:
         source: the data set.
@@ -48,13 +50,15 @@ class Study:
         components: numbers K of components for `reconstruction`.
         at: K of the other protocols, and of the pictures.
         counts: numbers of control points.
-        splits: how many splits are drawn, or the splits.
-        seeds: draws of the first control point for each split.
-        epochs: at most so many training steps of a network; those of its configuration where
-            they are fewer, or with None.
-        tests: measure on at most so many test shapes.
-        model: the trained model that the method "model" stands for.
-        pictures: whether an example of each method is kept.
+        splits: number of random splits, or the splits themselves.
+        seeds: number of random first control points for each split.
+        epochs: upper bound on the training steps of a network; None leaves its configuration's.
+        tests: upper bound on the number of test shapes; None is all.
+        model: setting of the method "model", a trained model.
+        pictures: true to save an example mesh of each method.
+
+    Raises:
+        InputError: an unknown method or protocol, or a number below 1.
     """
 
     source: Source
@@ -90,8 +94,8 @@ class Study:
             if not values or min(values) < 1:
                 raise InputError(f"{name}: expected numbers of at least 1, got {list(values)}")
 
-    def drawn(self) -> tuple[Split, ...]:
-        """The splits."""
+    def drawn_splits(self) -> tuple[Split, ...]:
+        """The given splits, or as many random ones as `splits` says."""
         if not isinstance(self.splits, int):
             return self.splits
         draw = sequence_split if self.source.ordered else random_split
@@ -100,16 +104,16 @@ class Study:
 
 @dataclass(frozen=True)
 class Training:
-    """One method, trained once.
+    """One training of one method.
 
     Args:
         source: the data set.
-        split: which of its shapes to train on.
-        number: of the split, and the seed of the training.
-        method: name.
-        components: K; 0 for a method that has none.
-        noise: share of the bounding diagonal that is added to the training shapes.
-        setting: what a network is trained with.
+        split: the training shapes and the test shapes.
+        number: index of the split, and the seed of the training.
+        method: name of the method.
+        components: K; 0 for a method without components.
+        noise: standard deviation of the noise added to the training shapes, in bounding diagonals.
+        setting: settings of a network.
     """
 
     source: Source
@@ -122,21 +126,21 @@ class Training:
 
     @property
     def key(self) -> str:
-        """Decides the trained method."""
-        return _digest(method=self.method, **self._facts())
+        """Hash of everything that the trained method depends on."""
+        return _digest(method=self.method, **self._identity())
 
     @property
     def network(self) -> str | None:
-        """Decides the network that the method stands on; None if it stands on none to be trained.
+        """Hash of everything that the method's network depends on; None without one to train.
 
-        Methods can share one, and no two may train it at a time.
+        Methods can share a network; two processes must not train it at the same time.
         """
         if self.method not in NETWORKS:
             return None
-        return _digest(config=NETWORKS[self.method].config, **self._facts())
+        return _digest(config=NETWORKS[self.method].config, **self._identity())
 
-    def _facts(self) -> dict[str, Any]:
-        """What is trained on, and how, as plain values."""
+    def _identity(self) -> dict[str, Any]:
+        """Training data and settings as JSON values."""
         return {
             "source": [self.source.fingerprint, self.source.align],
             "train": self.split.train,
@@ -148,7 +152,7 @@ class Training:
 
     @property
     def label(self) -> str:
-        """For progress and failures."""
+        """Text for progress lines and failures."""
         parts = [self.source.name, self.method]
         parts += [f"K {self.components}"] if self.components else []
         parts += [f"noise {self.noise:.1%}"] if self.noise else []
@@ -158,14 +162,14 @@ class Training:
 
 @dataclass(frozen=True)
 class Measurement:
-    """One measurement of a trained method; all its rows come together.
+    """One measurement of a trained method, with one or several rows.
 
     Args:
         kind: what is measured.
-        test: shapes to measure on.
+        test: indices of the test shapes.
         count: number K of components, or of control points.
-        seed: of the rows; for control points also of the first of them.
-        noise: share of the bounding diagonal that is added to the control points.
+        seed: seed in the rows; it also draws the first control point.
+        noise: standard deviation of the noise added to the control points, in bounding diagonals.
     """
 
     kind: Kind
@@ -175,7 +179,7 @@ class Measurement:
     noise: float = 0.0
 
     def key(self, training: Training) -> str:
-        """Decides the rows."""
+        """Hash of everything that the rows depend on."""
         source = training.source
         return _digest(
             training=training.key,
@@ -185,7 +189,7 @@ class Measurement:
         )
 
     def protocol(self, training: Training) -> str:
-        """Name in rows, without the parts of one measurement ("/encoder", "/fit")."""
+        """Protocol in rows, without the suffix of a part ("/encoder", "/fit")."""
         name: str = self.kind
         if training.setting.lambdas:
             tried = "sensitivity({:g},{:g})".format(*training.setting.lambdas)
@@ -197,14 +201,14 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Job:
-    """A training and the measurements that it serves."""
+    """A training and the measurements of the trained method."""
 
     training: Training
     measurements: tuple[Measurement, ...]
 
 
 def make_plan(studies: list[Study]) -> list[Job]:
-    """The jobs of all studies; a training that several protocols or studies need is there once."""
+    """The jobs of all studies; protocols and studies share equal trainings."""
     measurements: dict[Training, dict[Measurement, None]] = {}
     for study in studies:
         for training, measurement in _measurements(study):
@@ -217,20 +221,20 @@ def make_plan(studies: list[Study]) -> list[Job]:
 
 def _measurements(study: Study) -> list[tuple[Training, Measurement]]:
     found: list[tuple[Training, Measurement]] = []
-    for number, split in enumerate(study.drawn()):
-        test = limited(split.test, study.tests, study.source.ordered)
+    for number, split in enumerate(study.drawn_splits()):
+        test = limit_test_shapes(split.test, study.tests, study.source.ordered)
         for method in study.methods:
-            components = study.at if offers_codes(method) else 0
+            components = study.at if has_components(method) else 0
             setting = _setting(study, method)
             base = Training(study.source, split, number, method, components, setting=setting)
-            found += _of_method(study, base, test)
+            found += _measurements_of_method(study, base, test)
     return found
 
 
-def _of_method(
+def _measurements_of_method(
     study: Study, base: Training, test: tuple[int, ...]
 ) -> list[tuple[Training, Measurement]]:
-    codes, K, number = offers_codes(base.method), base.components, base.number
+    codes, K, number = has_components(base.method), base.components, base.number
     found: list[tuple[Training, Measurement]] = []
 
     def add(training: Training, kind: Kind, count: int, seed: int = number, noise: float = 0.0):
@@ -239,7 +243,7 @@ def _of_method(
     def control(training: Training, noise: float = 0.0) -> None:
         for draw in range(study.seeds):
             # Draw d of the control points belongs to split d modulo the number of splits.
-            seed = number + draw * len(study.drawn())
+            seed = number + draw * len(study.drawn_splits())
             for count in study.counts:
                 add(training, "sparse_control", count, seed, noise)
 

@@ -1,4 +1,4 @@
-"""Studies made ready: a quick look at one's own shapes, and the paper's tables and figures."""
+"""Predefined studies: a quick one for the user's shapes, and the paper's tables and figures."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from deformer.errors import InputError
-from deformer.evaluation.methods import known_methods, offers_codes
+from deformer.evaluation.methods import has_components, known_methods
 from deformer.evaluation.plan import LAMBDA_METHOD, Study
 from deformer.evaluation.sources import Source
 from deformer.evaluation.splits import sequence_split
 
-# Options of `Study` that make it short.
+# Options of a short `Study`.
 QUICK: dict[str, Any] = {
     "protocols": ("reconstruction", "sparse_control", "rotation"),
     "components": (10,),
@@ -22,10 +22,10 @@ QUICK: dict[str, Any] = {
     "tests": 6,
 }
 
-# Test shapes of each of the paper's data sets but SCAPE: to fit the largest takes minutes a shape.
+# Test shapes of every paper data set but SCAPE: a fit to the largest takes minutes a shape.
 _TESTS = 12
 
-# The paper's data sets, as their files may be called; (name, files, options of Source).
+# The paper's data sets: (name, possible file names, options of Source).
 _PAPER_SETS: tuple[tuple[str, tuple[str, ...], dict[str, Any]], ...] = (
     ("scape", ("scape-obj", "scape", "scape.npz"), {"up": "x"}),
     ("crane", ("crane.npz", "crane"), {"ordered": True, "align": True}),
@@ -36,10 +36,10 @@ _PAPER_SETS: tuple[tuple[str, tuple[str, ...], dict[str, Any]], ...] = (
 
 
 def paper_sources(folder: Path) -> list[Source]:
-    """The paper's data sets, or their stand-ins, that are in a folder.
+    """The paper's data sets, or substitutes for them, found in a folder.
 
     Raises:
-        InputError: none is.
+        InputError: the folder has none of them.
     """
     found = [
         Source.at(name, str(folder / file), **options)
@@ -58,17 +58,19 @@ def paper_studies(
     epochs: int | None = None,
     tests: int | None = None,
 ) -> list[Study]:
-    """Studies for the paper's tables "moreevaluation" and "diff_lambda" and its figures "gerror"
-    and "sparse_control", and for robustness and large rotations beside them.
+    """Studies for the tables and figures of Tan et al. 2018, and for robustness beside them.
+
+    The tables are "moreevaluation" and "diff_lambda", the figures "gerror" and "sparse_control";
+    further studies add noise and large rotations.
 
     Args:
-        sources: of `paper_sources`.
-        methods: those to compare; None compares all.
-        epochs: as of `Study`.
-        tests: measure on at most so many test shapes; None is the default of each study.
+        sources: the result of `paper_sources`.
+        methods: names of the methods to compare; None compares all.
+        epochs: as in `Study`.
+        tests: upper bound on the number of test shapes; None is the default of each study.
     """
     chosen = methods or known_methods()
-    coded = tuple(method for method in chosen if offers_codes(method))
+    coded = tuple(method for method in chosen if has_components(method))
     studies = []
     for source in sources:
         base = Study(
@@ -81,7 +83,7 @@ def paper_studies(
             curve = replace(base, components=(10, 30, 50), methods=coded, pictures=False)
             studies += [base, curve, replace(control, counts=(5, 20, 80))]
         else:
-            # The paper trains on one in ten of these, too; but they are not all in order of time.
+            # The paper trains on one in ten of these, too, although not all are in order of time.
             splits = (sequence_split(source.count, 0),)
             studies.append(replace(base, splits=splits))
     return studies

@@ -1,4 +1,4 @@
-"""Runs a plan: job by job or in parallel processes, and goes on where an earlier run stopped."""
+"""Runs a plan, in one or several processes; continues an interrupted run."""
 
 from __future__ import annotations
 
@@ -11,36 +11,35 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from deformer.evaluation.journal import Journal, Row, write_csv
-from deformer.evaluation.measurements import failed, run_job
+from deformer.evaluation.measurements import failure_rows, run_job
 from deformer.evaluation.plan import Job, Study, make_plan
 from deformer.io import write_json
 
-# Called with the numbers of finished and of all measurements, and what is being worked on.
+# Called with the number of finished measurements, of all measurements, and the current job's label.
 Report = Callable[[int, int, str], None]
 
 
 def evaluate(
     studies: list[Study], folder: Path, processes: int = 1, report: Report | None = None
 ) -> list[Row]:
-    """Measure methods on shapes that they have not seen.
+    """Measure methods on unseen shapes, and write the rows to FOLDER/results.json and results.csv.
 
-    Every finished measurement is kept in FOLDER/journal.jsonl, and networks in FOLDER/models: a run
-    that was interrupted or killed goes on when it is started again. Measurements that failed are
-    tried again.
+    FOLDER/journal.jsonl stores every finished measurement, and FOLDER/models the networks: the same
+    call continues an interrupted or killed run. Failed measurements are tried again.
 
     Args:
-        studies: what to measure.
-        folder: directory of the run; results.json and results.csv are written to it at the end.
-        processes: jobs at once. 1 works in this process; else each is a process of its own. The
-            rows are the same, the measured seconds aside.
-        report: told of progress.
+        studies: the data sets, methods and protocols.
+        folder: directory of the run; created where it does not exist.
+        processes: number of jobs at once. 1 runs in this process, a larger number in worker
+            processes; apart from the measured seconds the rows are the same.
+        report: called with the progress; None is silent.
 
     Returns:
         The rows, in the order of the plan.
 
     Raises:
-        InputError: an option that makes no sense.
-        KeyboardInterrupt: Ctrl-C; what is finished is kept.
+        InputError: the folder's journal is not one.
+        KeyboardInterrupt: Ctrl-C; finished measurements are stored.
     """
     plan = make_plan(studies)
     folder.mkdir(parents=True, exist_ok=True)
@@ -78,7 +77,7 @@ def _in_this_process(jobs: list[Job], folder: Path, _: int) -> _Results:
 
 @dataclass
 class _Worker:
-    """A process, this end of the pipe to it, and its job with the measurements still to come."""
+    """A worker process, the parent's end of its pipe, and its job with the missing measurements."""
 
     process: BaseProcess
     pipe: Connection
@@ -86,7 +85,7 @@ class _Worker:
 
 
 def _in_processes(jobs: list[Job], folder: Path, processes: int) -> _Results:
-    """Results of jobs in the order in which they come; a worker that dies costs its job alone."""
+    """Results of jobs as they arrive; a worker that dies fails its own job only."""
     waiting, busy, idle = list(jobs), list[_Worker](), list[_Worker]()
     try:
         while True:
@@ -107,7 +106,7 @@ def _in_processes(jobs: list[Job], folder: Path, processes: int) -> _Results:
                     busy.remove(worker)
                     worker.process.join()
                     reason = f"the process ended with {worker.process.exitcode}; out of memory?"
-                    for key, rows in failed(worker.job, reason):
+                    for key, rows in failure_rows(worker.job, reason):
                         yield training.label, key, rows
                     continue
                 if key is None:
@@ -119,34 +118,34 @@ def _in_processes(jobs: list[Job], folder: Path, processes: int) -> _Results:
                 yield training.label, key, rows
     finally:
         for worker in (*busy, *idle):
-            # What a worker writes it writes at once or not at all: it can be ended anywhere.
+            # A worker writes each file atomically, so that it can be ended at any time.
             worker.pipe.close()
             worker.process.terminate()
             worker.process.join()
 
 
 def _next(waiting: list[Job], busy: list[_Worker]) -> Job | None:
-    """The first job whose network is not being trained by another."""
-    taken = {worker.job.training.network for worker in busy} - {None}
-    return next((job for job in waiting if job.training.network not in taken), None)
+    """The first waiting job whose network no busy worker is training."""
+    in_training = {worker.job.training.network for worker in busy} - {None}
+    return next((job for job in waiting if job.training.network not in in_training), None)
 
 
 def _start(folder: Path, job: Job) -> _Worker:
-    # Not forked: the threads of PyTorch and numba do not survive that.
+    # Spawned, because the threads of PyTorch and numba do not survive a fork.
     context = get_context("spawn")
-    here, there = context.Pipe()
-    process = context.Process(target=_work, args=(there, folder), daemon=True)
+    parent_end, worker_end = context.Pipe()
+    process = context.Process(target=_run_worker, args=(worker_end, folder), daemon=True)
     process.start()
-    there.close()
-    return _Worker(process, here, job)
+    worker_end.close()
+    return _Worker(process, parent_end, job)
 
 
-def _work(pipe: Connection, folder: Path) -> None:
-    """Body of a worker: receives jobs, sends the rows of their measurements, None after the last.
+def _run_worker(pipe: Connection, folder: Path) -> None:
+    """Body of a worker: receives jobs, sends keys and rows, and (None, None) after each job.
 
-    It ends when the pipe is closed, also by the death of the parent.
+    The worker ends when its pipe closes, as it does when the parent ends.
     """
-    # Ctrl-C goes to all processes of a terminal; the parent decides.
+    # Ctrl-C reaches all processes of a terminal; only the parent handles it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         while True:

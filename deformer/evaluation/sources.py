@@ -1,7 +1,7 @@
-"""The data of an evaluation: data sets on disk, split, aligned and, on request, noisy.
+"""Data sets of an evaluation: read from disk, split, aligned and, on request, made noisy.
 
-Nothing here lets a test shape reach what is trained on: the reference is a training shape, and
-each shape is aligned to it on its own.
+Training data never depend on a test shape: the reference is a training shape, and each shape is
+aligned to it separately.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ class Source:
 
     Args:
         name: its name in rows and tables.
-        path: what `load_shapes` reads.
+        path: file or directory that `load_shapes` reads.
         count: number of shapes.
-        fingerprint: of their vertices and faces; a changed file is another data set.
-        ordered: the shapes are frames in order of time.
-        align: remove each shape's rigid motion against the reference first.
+        fingerprint: hash of vertices and faces; a changed file is another data set.
+        ordered: true when the shapes are frames in order of time.
+        align: true to remove each shape's rigid motion against the reference.
         up: axis that points up in pictures.
     """
 
@@ -51,10 +51,10 @@ class Source:
     def at(
         cls, name: str, path: str, *, ordered: bool = False, align: bool = False, up: str = "y"
     ) -> Source:
-        """The data set at `path`; reads it once.
+        """The data set at `path`, which is read for its fingerprint.
 
         Raises:
-            InputError: it cannot be read.
+            InputError: the data set cannot be read.
         """
         shapes = _load(path)
         digest = hashlib.sha256(np.ascontiguousarray(shapes.vertices).tobytes())
@@ -67,9 +67,9 @@ class SplitData:
     """A split data set.
 
     Args:
-        train: shapes to learn from; shape 0 is the reference.
-        reference: the same shape without the noise that `train` may have.
-        test: (N, V, 3) shapes to measure on.
+        train: training shapes; shape 0 is the reference.
+        reference: the reference without the noise that `train` may have.
+        test: (N, V, 3) test shapes.
     """
 
     train: MeshSequence
@@ -81,7 +81,10 @@ class SplitData:
         return Geodesics(self.reference)
 
     def control_vertices(self, count: int, seed: int) -> IntArray:
-        """Voronoi sampling of the reference: the first drawn with `seed`, then farthest points."""
+        """Control vertices (count,) int64: the first drawn with `seed`, then farthest points.
+
+        Voronoi sampling of the reference, as in Tan et al. 2018.
+        """
         return farthest_points(self._geodesics, count, seed)
 
 
@@ -92,11 +95,14 @@ def load_split(
 
     Args:
         source: the data set.
-        split: which shapes to train on.
-        test: shapes to measure on, some or all of the split's.
-        noise: standard deviation of what is added to every coordinate of the training shapes, in
-            bounding diagonals of the reference.
-        seed: of the noise.
+        split: indices of training and test shapes.
+        test: indices of the test shapes to use, some or all of the split's.
+        noise: standard deviation of the Gaussian noise added to every coordinate of the training
+            shapes, in bounding diagonals of the reference.
+        seed: seed of the noise.
+
+    Raises:
+        InputError: the data set cannot be read.
     """
     shapes = _load(source.path)
     train, held_out = shapes.subset(split.train), shapes.vertices[list(test)]

@@ -1,4 +1,4 @@
-"""Which shapes a method may see, and which it is measured on."""
+"""Splits of a data set into training shapes and test shapes."""
 
 from __future__ import annotations
 
@@ -8,19 +8,25 @@ import numpy as np
 
 from deformer.errors import InputError
 
-# Frames of a sequence of which one is trained on, as in the paper.
+# Of so many consecutive frames one is a training shape, as in Tan et al. 2018.
 FRAMES_A_BLOCK = 10
 
 
 @dataclass(frozen=True)
 class Split:
-    """Indices of shapes, in increasing order; the first to train on is the reference."""
+    """Indices of training and test shapes, in increasing order.
+
+    The first training shape is the reference.
+
+    Raises:
+        InputError: fewer than 2 training shapes, no test shape, or a shape in both.
+    """
 
     train: tuple[int, ...]
     test: tuple[int, ...]
 
     def __post_init__(self) -> None:
-        """Check that there is something to learn from and to measure, and no shape is both."""
+        """Check both lists and sort them."""
         both = sorted(set(self.train) & set(self.test))
         if both:
             raise InputError(f"split: shape {both[0]} is to train and to test on; take it out once")
@@ -34,24 +40,24 @@ class Split:
 
 
 def random_split(count: int, seed: int) -> Split:
-    """A random half to train on, the larger one: 36 of 71 (Tan et al. 2018, split of SCAPE)."""
+    """Train on a random half, rounded up: 36 of 71 (Tan et al. 2018, split of SCAPE)."""
     order = np.random.default_rng(seed).permutation(count).tolist()
     half = (count + 1) // 2
     return Split(tuple(order[:half]), tuple(order[half:]))
 
 
 def sequence_split(count: int, seed: int) -> Split:
-    """One frame drawn from every ten to train on (Tan et al. 2018, split of sequences)."""
+    """Train on one random frame of every ten (Tan et al. 2018, split of sequences)."""
     rng = np.random.default_rng(seed)
     starts = range(0, count, FRAMES_A_BLOCK)
     train = {int(rng.integers(start, min(start + FRAMES_A_BLOCK, count))) for start in starts}
     return Split(tuple(train), tuple(set(range(count)) - train))
 
 
-def limited(test: tuple[int, ...], limit: int | None, ordered: bool) -> tuple[int, ...]:
-    """At most `limit` of the test shapes: spread evenly, or of a sequence the ones in its middle.
+def limit_test_shapes(test: tuple[int, ...], limit: int | None, ordered: bool) -> tuple[int, ...]:
+    """At most `limit` of the test shapes: spread evenly, or the middle ones of a sequence.
 
-    Frames that follow each other stay so, because STED compares motions.
+    The frames of a sequence stay consecutive, because STED compares motions.
     """
     if limit is None or limit >= len(test):
         return test

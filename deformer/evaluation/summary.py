@@ -1,4 +1,4 @@
-"""Rows over several seeds become a mean and a spread."""
+"""Mean and standard deviation of rows over several seeds."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ class Summary:
         mean: NaN if there are no values.
         spread: standard deviation over seeds; None for fewer than two.
         values: by seed.
-        failed: seeds that gave no value.
-        lost: shapes that the method gave nothing for, over all seeds that gave a value; their
-            errors are not in it.
-        shapes: shapes in all, over these seeds; 0 where they were not counted.
+        failed: number of seeds without a value.
+        lost: number of shapes on which the method failed, over all seeds with a value; the values
+            leave these shapes out.
+        shapes: number of shapes in all, over the same seeds; 0 where they were not counted.
     """
 
     mean: float
@@ -50,33 +50,36 @@ class Table:
 def summarise(rows: Iterable[Row]) -> dict[tuple[str, str, str], Table]:
     """Tables by (dataset, protocol, metric), in the order of the rows.
 
-    The bookkeeping metrics "failure", "failures" and "shapes" have no table; they are in the
-    summaries of the others.
+    The metrics "failure", "failures" and "shapes" have no tables of their own: they fill `failed`,
+    `lost` and `shapes` in the summaries of the other metrics.
+
+    Raises:
+        TypeError: a row of another metric than "failure" has a text as its value.
     """
     values: dict[tuple, list[float]] = defaultdict(list)
     failed: dict[tuple, int] = defaultdict(int)
     counted: dict[tuple, list[float]] = defaultdict(lambda: [0, 0])
     for row in rows:
-        place = row["dataset"], row["protocol"], row["method"], row["count"]
+        key = row["dataset"], row["protocol"], row["method"], row["count"]
         metric, value = row["metric"], row["value"]
         if metric == FAILURE:
-            failed[place] += 1
+            failed[key] += 1
         elif isinstance(value, str):
             raise TypeError(f"row {row}: a text for a value")
         elif metric in ("failures", "shapes"):
-            counted[place][metric == "shapes"] += value
+            counted[key][metric == "shapes"] += value
         else:
-            values[*place, metric].append(float(value))
+            values[*key, metric].append(float(value))
     tables: dict[tuple[str, str, str], Table] = {}
-    for (*place, metric), found in values.items():
-        dataset, protocol, method, count = place
+    for (*key, metric), found in values.items():
+        dataset, protocol, method, count = key
         table = tables.setdefault((dataset, protocol, metric), Table(dataset, protocol, metric))
-        lost, shapes = (int(number) for number in counted[*place,])
+        lost, shapes = (int(number) for number in counted[*key,])
         table.cells.setdefault(method, {})[count] = Summary(
             fmean(found),
             stdev(found) if len(found) > 1 else None,
             tuple(found),
-            failed[*place,],
+            failed[*key,],
             lost,
             shapes,
         )

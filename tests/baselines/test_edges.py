@@ -7,7 +7,7 @@ import pytest
 
 from deformer.acap.poisson import PoissonSystem
 from deformer.baselines._connection import Connection
-from deformer.baselines._edge_space import EdgeDeformation, EdgeSpace, _Fit, laid_on
+from deformer.baselines._edge_space import EdgeDeformation, EdgeSpace, _Fit, rigidly_aligned
 from deformer.baselines._shell import Shell
 from deformer.baselines.edges import EdgeSplocs
 from deformer.errors import InputError
@@ -128,7 +128,7 @@ def test_two_linear_solves_give_back_a_mesh(mesh, pose):
     shell, target = Shell(mesh), pose(mesh.vertices)
     target = target @ random_rotation(np.random.default_rng(2)).T
     p = Connection(shell, PoissonSystem(mesh)).shape(shell.features(target))
-    assert np.abs(laid_on(p, target) - target).max() < 1e-6 * mesh.bounding_diagonal
+    assert np.abs(rigidly_aligned(p, target) - target).max() < 1e-6 * mesh.bounding_diagonal
     np.testing.assert_allclose(p.mean(axis=0), mesh.vertices.mean(axis=0), atol=1e-9)
 
 
@@ -138,8 +138,8 @@ def test_each_component_has_a_frame_of_its_own():
     target = np.concatenate([bend(tube().vertices, 2.0), 1.3 * icosphere(1).vertices])
     p = Connection(shell, PoissonSystem(mesh)).shape(shell.features(target))
     V = len(tube().vertices)
-    assert np.abs(laid_on(p[:V], target[:V]) - target[:V]).max() < 1e-6
-    assert np.abs(laid_on(p[V:], target[V:]) - target[V:]).max() < 1e-6
+    assert np.abs(rigidly_aligned(p[:V], target[:V]) - target[:V]).max() < 1e-6
+    assert np.abs(rigidly_aligned(p[V:], target[V:]) - target[V:]).max() < 1e-6
 
 
 @pytest.mark.skipif(not SCAPE.exists(), reason="the SCAPE example meshes are not here")
@@ -154,7 +154,7 @@ def test_gauss_newton_finds_the_shape_from_the_reference():
     shell = Shell(tube())
     target = bend(twist(tube().vertices, 0.5), 0.8)
     p = shell.closest(shell.features(target), tube().vertices, 60, 1e-12)
-    assert np.abs(laid_on(p, target) - target).max() < 1e-5
+    assert np.abs(rigidly_aligned(p, target) - target).max() < 1e-5
 
 
 def test_gauss_newton_lowers_the_energy_of_measures_of_no_mesh():

@@ -240,7 +240,7 @@ def test_structured_norm_by_hand():
     factor = np.array([[[3.0, -4.0, 0.0], [0.0, 0.0, 0.0]]])
     for name, value in {"l1": 7.0, "l2": 5.0, "group": 4.0, "graph": 10.0}.items():
         one = {"l1": 0.0, "l2": 0.0, "group": 0.0, "graph": 0.0, name: 1.0}
-        assert_allclose(StructuredNorm(pairs, weights, **one).of(factor), value)
+        assert_allclose(StructuredNorm(pairs, weights, **one).values(factor), value)
 
 
 def test_proximal_map_minimises():
@@ -252,22 +252,22 @@ def test_proximal_map_minimises():
     scales = np.array([1.0, 3.0])
     dual = np.zeros((2, len(norm.pairs), 3))
     for _ in range(60):
-        found = norm.shrink(given, scales, dual)
+        found = norm.proximal_map(given, scales, dual)
 
     def value(x):
-        return ((x - given) ** 2).sum((1, 2)) / 2 + scales * norm.of(x)
+        return ((x - given) ** 2).sum((1, 2)) / 2 + scales * norm.values(x)
 
     at_minimum = value(found)
     assert (at_minimum < value(0.97 * found)).all() and (at_minimum < value(1.03 * found)).all()
     for _ in range(200):
         step = 10.0 ** rng.uniform(-5, -1) * rng.normal(size=found.shape)
         assert (value(found + step) > at_minimum - 1e-9).all()
-    assert not norm.shrink(given, np.full(2, 1e3), dual.copy()).any()
+    assert not norm.proximal_map(given, np.full(2, 1e3), dual.copy()).any()
 
     still = np.zeros_like(dual)
-    only = norm_of(mesh, l1=np.sqrt(90) * 0.5).shrink(given, np.ones(2), still)
+    only = norm_of(mesh, l1=np.sqrt(90) * 0.5).proximal_map(given, np.ones(2), still)
     assert_allclose(only, np.sign(given) * np.maximum(0, np.abs(given) - 0.5))
-    only = norm_of(mesh, l2=np.sqrt(90) * 2.0).shrink(given, np.ones(2), still)
+    only = norm_of(mesh, l2=np.sqrt(90) * 2.0).proximal_map(given, np.ones(2), still)
     length = np.linalg.norm(given, axis=(1, 2), keepdims=True)
     assert_allclose(only, given * (1 - 2.0 / length))
 
@@ -283,7 +283,9 @@ def test_factorisation_never_raises_its_objective_and_stays_sparse():
     assert found.objective[-1] < 0.3 * found.objective[0]
     lengths = np.linalg.norm(found.weights, axis=0)
     residual = data - np.tensordot(found.weights, found.factors, 1)
-    charge = 64.0 * data.size / 6 * 1e-4 / np.sqrt(14) * (norm.of(found.factors) * lengths).sum()
+    charge = (
+        64.0 * data.size / 6 * 1e-4 / np.sqrt(14) * (norm.values(found.factors) * lengths).sum()
+    )
     assert_allclose(found.objective[-1], (residual**2).sum() / 2 + charge)
     supports = [
         factorise(data, norm, 6, strength, 60, seed=0).factors.any(2).mean()

@@ -22,10 +22,10 @@ from deformer.evaluation.journal import COLUMNS, FAILURE, Journal
 from deformer.evaluation.methods import Setting
 from deformer.evaluation.plan import Study, make_plan
 from deformer.evaluation.presets import QUICK, paper_sources, paper_studies
-from deformer.evaluation.protocols import by_rotation, largest_rotations, sparse_control
+from deformer.evaluation.protocols import errors_by_rotation, largest_rotations, sparse_control
 from deformer.evaluation.runner import evaluate
 from deformer.evaluation.sources import Source, load_split
-from deformer.evaluation.splits import Split, limited, random_split, sequence_split
+from deformer.evaluation.splits import Split, limit_test_shapes, random_split, sequence_split
 from deformer.evaluation.summary import summarise
 from deformer.network.config import PRESETS
 from shapes import random_rotation, tube, twist
@@ -104,9 +104,9 @@ def test_a_split_keeps_its_parts_apart():
 
 
 def test_fewer_test_shapes_of_a_sequence_follow_each_other():
-    assert limited(tuple(range(10, 20)), 4, ordered=True) == (13, 14, 15, 16)
-    assert limited(tuple(range(10)), 4, ordered=False) == (0, 3, 6, 9)
-    assert limited((1, 2), 5, ordered=False) == (1, 2)
+    assert limit_test_shapes(tuple(range(10, 20)), 4, ordered=True) == (13, 14, 15, 16)
+    assert limit_test_shapes(tuple(range(10)), 4, ordered=False) == (0, 3, 6, 9)
+    assert limit_test_shapes((1, 2), 5, ordered=False) == (1, 2)
 
 
 def test_epochs_only_make_trainings_shorter(source, tiny):
@@ -414,7 +414,7 @@ def test_rotations_are_those_that_were_made():
     found = largest_rotations(mesh, poses)
     np.testing.assert_allclose(found, np.array(turns) / 2, rtol=0.12)
     estimate = poses + np.array([1.0, 2.0, 3.0])[:, None, None] * np.sign(poses)
-    classes = by_rotation(found, poses, estimate)
+    classes = errors_by_rotation(found, poses, estimate)
     assert {bound: errors["shapes"] for bound, errors in classes.items()} == {30: 1, 60: 1, 150: 1}
     assert classes[60]["E_rms"] == pytest.approx(deformer.e_rms(poses[1], estimate[1]))
 

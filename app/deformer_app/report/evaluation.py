@@ -221,7 +221,7 @@ def _facts(study: Study) -> dict[str, Any]:
         "at": study.at,
         "counts": study.counts,
         "splits": [
-            {"train": list(split.train), "test": list(split.test)} for split in study.drawn()
+            {"train": list(split.train), "test": list(split.test)} for split in study.drawn_splits()
         ],
         "seeds": study.seeds,
         "epochs": study.epochs,
