@@ -139,6 +139,13 @@ def brief(value: Any) -> str:
     return str(value)
 
 
+def has_screen() -> bool:
+    """True where a window can be opened: on Linux and its like, where a display is named."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")))
+
+
 def _progress(*columns: str) -> Progress:
     """A bar on stderr that vanishes at its end; nothing where stderr is no terminal."""
     from rich import progress as bars

@@ -2,7 +2,7 @@
 
 import time
 
-HANG = 1800.0  # seconds after which something is taken to hang; no machine should come near it
+HANG = 600.0  # seconds after which something is taken to hang; no machine should come near it
 
 
 def wait_for(condition, step=lambda: None, pause=0.002):

@@ -321,12 +321,19 @@ def edit(
     when the window is closed.
     """
     from deformer import InputError
+    from deformer_app.viewer.model_files import first_model
 
+    # Mistakes come as a line on the terminal, before there is a window.
+    opened = first_model(model, session)
+    if not console.has_screen():
+        raise InputError(
+            "edit: there is no screen to open a window on (DISPLAY is not set); `deformer fit` and "
+            "`deformer demo` need none"
+        )
     if plain:
-        from deformer_app.viewer.model_files import first_model
         from deformer_app.viewer.plain import PlainWindow
 
-        edited = PlainWindow(*first_model(model, session), session).run()
+        edited = PlainWindow(*opened, session).run()
     else:
         try:
             from deformer_app.viewer.qt.start import run_editor
@@ -334,7 +341,7 @@ def edit(
             raise InputError(
                 f'edit: the window needs Qt ({error}); pip install "deformer[app]", or add --plain'
             ) from error
-        edited = run_editor(model, session)
+        edited = run_editor(*opened, session)
     if as_json and edited is not None:
         console.emit(edited.summary())
 

@@ -42,48 +42,36 @@ class _OpeningWindow(QWidget):
         column.addWidget(bar, alignment=Qt.AlignmentFlag.AlignCenter)
 
 
-class _Loading(threading.Thread):
-    """Imports the editor and reads what it opens.
-
-    Args:
-        model: directory or name of the model; None is the session's, or the shipped humanoid.
-        session: a saved session to go on with, or None.
+class _Importing(threading.Thread):
+    """Imports the editor's window.
 
     Attributes:
-        opened: the model to open, and the session to open with it.
         error: what went wrong, or None.
     """
 
-    def __init__(self, model: str | None, session: Path | None) -> None:
+    def __init__(self) -> None:
         """Prepare the thread."""
-        super().__init__(name="loading", daemon=True)
-        self._model, self._session = model, session
-        self.opened: tuple[str, Session | None] | None = None
+        super().__init__(name="importing", daemon=True)
         self.error: BaseException | None = None
 
     def run(self) -> None:
-        """Import and read; a failure is kept for the thread of the window."""
+        """Import; a failure is kept for the thread of the window."""
         try:
-            from deformer_app.viewer.model_files import first_model
-
-            self.opened = first_model(self._model, self._session)
             importlib.import_module("deformer_app.viewer.qt.window")
         except BaseException as error:
             self.error = error
 
 
-def run_editor(model: str | None, session: Path | None) -> Session | None:
+def run_editor(model: str, saved: Session | None, path: Path | None) -> Session | None:
     """Show the editor until its window is closed.
 
     Args:
-        model: directory or name of the model; None is the session's, or the shipped humanoid.
-        session: a saved session to go on with, or None.
+        model: directory or name of the model to open.
+        saved: the session to go on with, or None.
+        path: file of that session, or None.
 
     Returns:
         The session; None if the window was closed before there was one.
-
-    Raises:
-        InputError: no such model, a session that is damaged, missing or of another model.
     """
     app = cast(QApplication, QApplication.instance() or QApplication(sys.argv[:1]))
     app.setApplicationName("Deformer")
@@ -93,31 +81,29 @@ def run_editor(model: str | None, session: Path | None) -> Session | None:
     app.setFont(font)
     opening_window = _OpeningWindow()
     opening_window.show()
-    loading = _Loading(model, session)
-    loading.start()
+    importing = _Importing()
+    importing.start()
     waiting = QEventLoop()  # QApplication.quit would close the window
     app.lastWindowClosed.connect(waiting.quit)
     timer = QTimer()
-    timer.timeout.connect(lambda: None if loading.is_alive() else waiting.quit())
+    timer.timeout.connect(lambda: None if importing.is_alive() else waiting.quit())
     timer.start(_POLL)
     waiting.exec()
     timer.stop()
     app.lastWindowClosed.disconnect(waiting.quit)
-    loading.join()
+    importing.join()
     if not opening_window.isVisible():
         return None
-    if loading.error is not None:
-        raise loading.error
-    assert loading.opened is not None
+    if importing.error is not None:
+        raise importing.error
     from deformer_app.viewer.qt.window import Window
     from deformer_app.viewer.settings import Settings
 
-    first, saved = loading.opened
     window = Window(Settings())
     window.show()
     app.processEvents()  # draws the window before the other one goes
     opening_window.close()
-    QTimer.singleShot(0, lambda: window.begin(first, saved, session))
+    QTimer.singleShot(0, lambda: window.begin(model, saved, path))
     sys.excepthook = window.unexpected
     if window.isVisible():  # it may have been closed already
         app.exec()

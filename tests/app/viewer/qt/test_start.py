@@ -36,7 +36,7 @@ def look():
 timer = QTimer()
 timer.timeout.connect(look)
 timer.start(0)
-print("session", run_editor(None, None) is not None)
+print("session", run_editor("humanoid", None, None) is not None)
 """
 
 
@@ -71,3 +71,16 @@ def test_a_model_that_is_none_is_one_line_and_no_window(tmp_path):
         done = run(code, tmp_path, display)
     assert done.returncode == 2 and done.stderr.count("\n") == 1, done.stderr
     assert "no-such: no such model" in done.stderr
+
+
+def test_without_a_display_it_is_one_line(tmp_path, monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM"):
+        monkeypatch.delenv(name, raising=False)
+    code = "import sys; sys.argv[1:] = ['edit']\n"
+    code += "from deformer_app.cli.main import main; main()"
+    environment = {**os.environ, "DEFORMER_SETTINGS": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 2 and done.stderr.count("\n") == 1, done.stderr
+    assert "DISPLAY is not set" in done.stderr

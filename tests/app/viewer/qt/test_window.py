@@ -272,7 +272,7 @@ class Person:
         code = "from deformer_app.cli.main import main; main()"
         command = [sys.executable, "-c", code, "edit", *map(str, arguments)]
         self.program = subprocess.Popen(command, env=self.environment, stderr=subprocess.PIPE)
-        self.window = self.wait(lambda: self.windows("Deformer"))[-1]
+        self.window = None  # the number of the editor's window, once it is ready
 
     def xdotool(self, *words):
         command = ["xdotool", *map(str, words)]
@@ -301,7 +301,7 @@ class Person:
 
     def be_ready(self):
         """Wait until the program is prepared for drags, as its title says."""
-        self.wait(lambda: self.windows(" Deformer$"))
+        self.window = self.wait(lambda: self.windows(" Deformer$"))[-1]
 
     def answer(self, title, text):
         """Type into a dialog and send it off."""
@@ -345,7 +345,7 @@ def test_a_person_pulls_undoes_and_finds_it_again_after_a_crash(display, model_p
     again = Person(display, tmp_path, model_path)
 
     def agreed():
-        """Whether the dialog that asks has been answered; Return is yes."""
+        """True once the question of the dialog is answered; Return is yes."""
         for number in again.windows("^Deformer$"):
             if number != again.window:
                 again.xdotool("key", "--window", number, "Return")
