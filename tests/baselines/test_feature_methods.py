@@ -106,7 +106,7 @@ def test_gradient_of_the_handle_energy_is_its_derivative():
     x = np.array([0.4, -0.2, 0.5, 0.1, 0.3, -0.2, 0.6])
     gradient = 2.0 * _fit_at(x).normal()[1]
     h = 1e-5
-    found = [(_fit_at(x + e).value - _fit_at(x - e).value) / (2 * h) for e in h * np.eye(7)]
+    found = [(_fit_at(x + e).energy - _fit_at(x - e).energy) / (2 * h) for e in h * np.eye(7)]
     np.testing.assert_allclose(gradient, found, rtol=1e-6, atol=1e-6)
 
 
@@ -159,7 +159,7 @@ def test_eliminated_positions_have_the_least_strain_of_all_that_meet_the_handles
     np.testing.assert_allclose(p[control.vertices], control.goals, atol=1e-9)
     T = features_to_gradients(space().features(fit.w))
     strain = _strain(p, T)
-    expected = (fit.value - (fit.x**2 * fit.ridge).sum()) / control.weight
+    expected = (fit.energy - (fit.x**2 * fit.ridge).sum()) / control.weight
     np.testing.assert_allclose(strain, expected, rtol=1e-9)
     rng = np.random.default_rng(1)
     for _ in range(5):
