@@ -1,4 +1,4 @@
-"""How the command line talks: results on stdout, all else on stderr, one line for a mistake."""
+"""Output of the command line: results on stdout, all else on stderr, one line for a mistake."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from typer.exceptions import TyperException
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-INTERRUPTED = 130  # what a shell reports for Ctrl-C
+# Exit statuses.
+INTERRUPTED = 130  # as shells report Ctrl-C
 MISTAKE = 2
 
 err = Console(stderr=True, highlight=False)
@@ -28,8 +29,8 @@ out = Console(highlight=False)
 def run(app: typer.Typer, arguments: list[str] | None = None) -> int:
     """Run the application and return its exit status.
 
-    A user's mistake becomes one line on stderr and 2, Ctrl-C becomes 130. Any other exception is a
-    fault of the program and keeps its traceback.
+    A user's mistake prints one line on stderr and returns 2, Ctrl-C returns 130. Any other
+    exception is an error of the program and is raised with its traceback.
     """
     given = sys.argv[1:] if arguments is None else arguments
     given = given or ["--help"]
@@ -38,7 +39,7 @@ def run(app: typer.Typer, arguments: list[str] | None = None) -> int:
     except (KeyboardInterrupt, typer.Abort):
         print("deformer: interrupted", file=sys.stderr)
         return INTERRUPTED
-    except BrokenPipeError:  # the reader of a pipe has seen enough
+    except BrokenPipeError:  # the reader of the pipe has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except Exception as error:
@@ -64,12 +65,12 @@ def _users_mistake(error: Exception) -> str | None:
 
 
 def note(message: str) -> None:
-    """Say something in passing, on stderr."""
+    """Print a message on stderr."""
     err.print(message, soft_wrap=True, markup=False)
 
 
 def warn(message: str) -> None:
-    """Warn on stderr."""
+    """Print a warning on stderr."""
     err.print(f"[yellow]warning:[/] {_escaped(message)}", soft_wrap=True)
 
 
@@ -79,7 +80,7 @@ def emit(data: Mapping[str, Any]) -> None:
 
 
 def plain(value: Any) -> Any:
-    """Turn arrays, numpy numbers, dataclasses, tuples and paths into what JSON knows."""
+    """Convert arrays, numpy numbers, dataclasses, tuples and paths to JSON values."""
     if hasattr(value, "tolist"):
         return plain(value.tolist())
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
@@ -123,7 +124,7 @@ def show_facts(title: str, facts: Mapping[str, Any]) -> None:
 
 
 def brief(value: Any) -> str:
-    """Write a value in a few characters."""
+    """Format a value in a few characters."""
     value = plain(value)
     if isinstance(value, bool):
         return "yes" if value else "no"
@@ -147,7 +148,7 @@ def has_screen() -> bool:
 
 
 def _progress(*columns: str) -> Progress:
-    """A bar on stderr that vanishes at its end; nothing where stderr is no terminal."""
+    """A progress bar on stderr, removed at its end; none where stderr is no terminal."""
     from rich import progress as bars
 
     known = {
@@ -163,17 +164,17 @@ def _progress(*columns: str) -> Progress:
 
 @contextmanager
 def progress(label: str) -> Iterator[Callable[[int, int], None]]:
-    """Show a bar on stderr; call the yielded function with what is done and of how much."""
+    """Show a bar on stderr; call the yielded function with the steps done and their number."""
     with _progress("description", "bar", "count") as bar:
         task = bar.add_task(label, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 @contextmanager
-def cells_progress() -> Iterator[Callable[[int, int, str], None]]:
-    """Show a long row of measurements on stderr: a live bar, else a line for every tenth.
+def measurements_progress() -> Iterator[Callable[[int, int, str], None]]:
+    """Show the progress of measurements on stderr: a bar on a terminal, else a line every tenth.
 
-    Call the yielded function with what is done, of how much, and what it was.
+    Call the yielded function with finished measurements, all measurements, and a label.
     """
     with _progress("bar", "count", "remaining", "description") as bar:
         task = bar.add_task("", total=None)
@@ -192,13 +193,13 @@ def cells_progress() -> Iterator[Callable[[int, int, str], None]]:
 
 @contextmanager
 def training_progress() -> Iterator[Callable[[Any], None]]:
-    """Show training on stderr: a live bar on a terminal, else a line for every tenth.
+    """Show the progress of training on stderr: a bar on a terminal, else a line every tenth.
 
     Call the yielded function with a progress event of `deformer.train`.
     """
     with _progress("description", "bar", "count", "remaining", "terms") as bar:
         tasks: dict[str, Any] = {}
-        tenths: dict[str, int] = {}  # the last one told of each stage; 0 is its first event
+        tenths: dict[str, int] = {}  # last tenth printed of each stage; 0 is its first event
 
         def report(event: Any) -> None:
             stage, done, total = str(event.stage), int(event.done), max(int(event.total), 1)

@@ -16,10 +16,10 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on 
 
 
 def examples(*commands: str) -> str:
-    """Epilog of a command's help."""
+    """Epilog of a command's help that lists examples."""
     return "\n\n".join(["Examples:", *(f"  {command}" for command in commands)])
 
 
 def words(text: str | None) -> tuple[str, ...] | None:
-    """What stands between commas, without blanks; None of None."""
+    """Words of a text with commas between them; None for None."""
     return None if text is None else tuple(word.strip() for word in text.split(","))

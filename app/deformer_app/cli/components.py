@@ -1,4 +1,4 @@
-"""Component analysis as files: meshes, heat-mapped pictures, turntables, a table."""
+"""`deformer components` and `deformer name`: component analysis as files, and names."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from deformer_app.rendering.palette import HEAT
 from deformer_app.rendering.sheets import save_sheet
 
 TILE = (420, 420)  # pixels of a picture, with its bar
-BAR = 150  # pixels left free for the bar, half of them on either side
+BAR = 150  # pixels of the width left free for the bar, half on each side
 TURN = (240, 300)  # pixels of a turntable
 COLUMNS = 5
 FPS = 8
@@ -35,18 +35,18 @@ def run(
     turn: int,
     progress: Callable[[int, int], None],
 ) -> dict[str, Any]:
-    """Analyse a model's components and write what was found.
+    """Analyse a model's components, and write meshes, pictures and tables.
 
     Args:
-        model_name: shipped name or path.
-        output: directory, made if missing.
-        top: how many components, the strongest; None is all.
-        users: training shapes to name for each.
-        turn: pictures of a turn around each; 0 is none.
+        model_name: name of a shipped model, or a path.
+        output: directory, created if missing.
+        top: number of components, the strongest first; None is all.
+        users: number of training shapes to name for each component.
+        turn: number of pictures of a turntable for each component; 0 writes none.
         progress: called with the pictures done and their number.
 
     Returns:
-        The table's rows, the sharing of activation, and the files.
+        The table's rows, the sharing of activations, and the files.
     """
     model = deformer.load_model(model_name)
     analysis = ComponentAnalysis(model, users)
@@ -75,9 +75,15 @@ def run(
 def heat_maps(
     analysis: ComponentAnalysis, found: list[Component], up: str, size: tuple[int, int] = TILE
 ) -> Iterator[Picture]:
-    """Every component's representative shape, coloured by how its features change.
+    """Pictures of the representative shapes, coloured by the change of their features.
 
-    One camera and one scale of colours for all; pictures are wider than BAR.
+    All pictures share one camera and one colour scale.
+
+    Args:
+        analysis: component analysis of a model.
+        found: components to draw.
+        up: axis that points up.
+        size: width and height of a picture in pixels, wider than BAR.
     """
     layers = _layers(analysis, found)
     shapes = np.stack([layer.mesh.vertices for layer in layers])
@@ -92,13 +98,13 @@ def title(component: Component) -> str:
 
 
 def rename(model_name: str, assignments: list[str], output: Path | None) -> dict[str, Any]:
-    """Name components by assignments "3=left arm up", in place or in a copy.
+    """Name components by assignments such as "3=left arm up", in place or in a copy.
 
     Returns:
-        Where the model is, and all its names.
+        The model's path or name, and all its component names.
 
     Raises:
-        InputError: no assignment, or what `deformer.save_names` refuses.
+        InputError: a text that is no assignment, or a name that `deformer.save_names` refuses.
     """
     names: dict[int, str] = {}
     model = deformer.load_model(model_name)
@@ -119,7 +125,7 @@ def rename(model_name: str, assignments: list[str], output: Path | None) -> dict
 
 
 def show(result: dict[str, Any]) -> None:
-    """Print what `run` returned."""
+    """Print the result of `run`."""
     rows = [
         [
             _key(c["index"], c["label"]),
@@ -142,13 +148,13 @@ def show(result: dict[str, Any]) -> None:
 
 
 def _key(index: int, label: str) -> str:
-    """ "3", or "3 left arm up" where it is named."""
+    """The index, followed by the name if there is one: "3" or "3 left arm up"."""
     return f"{index}" if label == f"component {index}" else f"{index} {label}"
 
 
 def _layers(analysis: ComponentAnalysis, found: list[Component]) -> list[Layer]:
     heats = [analysis.activations.displacement(c.index) for c in found]
-    # The scale leaves out a few vertices of one component, or all others would look alike.
+    # A few vertices of one component would otherwise stretch the scale for all.
     limit = max(float(np.quantile(np.stack(heats), 0.999)), 1e-9)
     return [
         Layer(
@@ -183,7 +189,7 @@ def _turntables(
 
 
 def _around(mesh: Mesh, up: str, sky: Any, count: int) -> list[Camera]:
-    """Cameras of a full turn, as far away as the widest view needs."""
+    """Cameras of a full turn, at the distance that the widest view needs."""
     aspect = TURN[0] / TURN[1]
     views = [aim(mesh.vertices, up=up, aspect=aspect, azimuth=a) for a in range(0, 360, 30)]
     far = max(views, key=lambda c: float(np.sum(np.subtract(c.position, c.focal) ** 2)))

@@ -1,4 +1,4 @@
-"""The demonstration: replay a drag on an upright model, time it, and picture what happened."""
+"""`deformer demo`: replay a drag on an upright model, measure its time, and draw it."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ FRAME = (360, 440)  # pixels of the animation
 FRAME_STRIDE = 2  # mouse moves a picture of the animation
 FPS = 20  # of the animation
 
-# The figure is measured in its own height. Shoulders sit at 0.1 from the middle and 0.82 up.
+# Lengths relative to the figure's height: shoulders are 0.1 from the middle and 0.82 high.
 SHOULDER_SIDE, SHOULDER_DROP = 0.10, 0.18
-WRIST = 0.68  # where the wrist is on the way from the shoulder to the fingertips
+WRIST = 0.68  # position of the wrist between shoulder (0) and fingertips (1)
 RAISED = np.radians(80)  # elevation of the arm at the end of the reach
-CROUCH = 0.12  # how far the head goes down
+CROUCH = 0.12  # distance by which the head is pushed down
 
 
 @dataclass(frozen=True, eq=False)
 class Drag:
-    """Handles on a figure and the recorded way of the mouse.
+    """Handles on a figure, and the moves of the mouse.
 
     Args:
-        names: of the handles.
-        vertices: of the handles.
-        pinned: which of them stay where they are throughout.
-        moves: (handle, target) of every mouse move, in order.
+        names: name of each handle.
+        vertices: vertex of each handle.
+        pinned: true for handles that stay at their first position.
+        moves: (handle, target (3,)) of every mouse move, in order.
     """
 
     names: tuple[str, ...]
@@ -58,10 +58,10 @@ class Step:
     """The pose after one move of the mouse.
 
     Args:
-        vertices: (V, 3) of the surface.
-        targets: (H, 3) of the handles.
+        vertices: (V, 3) vertices of the pose.
+        targets: (H, 3) targets of the handles.
         residual: (H,) distances from handle to target.
-        milliseconds: from the move to the pose.
+        milliseconds: time from the move to the pose.
     """
 
     vertices: NDArray[np.float64]
@@ -71,10 +71,9 @@ class Step:
 
 
 def record(reference: Mesh, up: str = "y") -> Drag:
-    """Lay out the drag on any upright figure: feet pinned, a wrist raised, the head pushed down.
+    """A drag on any upright figure: feet pinned, a wrist raised, the head pushed down.
 
-    The handles are found from the figure's outermost vertices, so that no vertex numbers need to
-    be known.
+    The figure's outermost vertices become the handles, so that no vertex indices are needed.
 
     Args:
         reference: the figure, upright.
@@ -121,8 +120,8 @@ def record(reference: Mesh, up: str = "y") -> Drag:
 
 
 def replay(model: DeformationModel, drag: Drag, progress: Callable[[int], None]) -> list[Step]:
-    """Feed the drag to a solver as the mouse would; the first step is the pose before any move."""
-    # As in the viewer: a hand pulls, and the pinned handles fix the body in space.
+    """Solve every move of the drag; the first step is the pose before any move."""
+    # As in the viewer, where pinned handles fix the body in space.
     solver = deformer.HandleSolver(model, noise=NOISE, freedom=1.0)
     targets = model.reference.vertices[list(drag.vertices)].copy()
     started = perf_counter()
@@ -142,8 +141,8 @@ def run(model_name: str, output: Path, progress: Callable[[int, int], None]) -> 
     """Replay the drag and write sheet.png, drag.gif and pose.ply to `output`.
 
     Args:
-        model_name: shipped name or path of an upright model.
-        output: directory, made if missing.
+        model_name: name of a shipped model, or a path; the model is upright.
+        output: directory, created if missing.
         progress: called with the number of steps done and of all steps.
 
     Returns:
@@ -170,7 +169,7 @@ def run(model_name: str, output: Path, progress: Callable[[int, int], None]) -> 
 
 
 def show(result: dict[str, Any]) -> None:
-    """Print what `run` returned."""
+    """Print the result of `run`."""
     size, time = result["height"], result["milliseconds"]
     rows = [
         [
@@ -233,7 +232,7 @@ def _summarize(reference: Mesh, drag: Drag, steps: list[Step], up: str) -> dict[
 
 
 def _camera(reference: Mesh, steps: list[Step], up: str, size: tuple[int, int]) -> Any:
-    """One camera that keeps the figure in view throughout."""
+    """A camera that shows the figure in all steps."""
     shapes = np.stack([reference.vertices, *[step.vertices for step in steps[::FRAME_STRIDE]]])
     return aim(shapes, up=up, aspect=size[0] / size[1])
 

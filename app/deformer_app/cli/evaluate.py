@@ -15,7 +15,7 @@ app = typer.Typer()
 
 
 class Preset(StrEnum):
-    """Evaluations made ready."""
+    """Predefined evaluations."""
 
     quick = "quick"
     paper = "paper"
@@ -137,7 +137,7 @@ def evaluate(
     )
     chosen = preset.value if preset else None
     try:
-        with console.cells_progress() as report:
+        with console.measurements_progress() as report:
             result = evaluating.run(paths, output, options, chosen, processes, report)
     except KeyboardInterrupt:
         console.note("Interrupted: what is finished is kept; the same command goes on.")

@@ -1,4 +1,4 @@
-"""Fit a model to the handles of a file, and sum up how it went."""
+"""`deformer fit`: a model fitted to the handles of a file, and a record of the fit."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def check_output(path: Path, is_sequence: bool) -> None:
-    """Raise InputError, before any work, if `path` is not named for a pose or for a sequence."""
+    """Raise InputError, before any work, if the suffix of `path` does not suit the output."""
     suffix = path.suffix.lower()
     one_mesh = suffix in io.MESH_SUFFIXES
     if is_sequence and one_mesh:
@@ -39,7 +39,7 @@ def check_output(path: Path, is_sequence: bool) -> None:
 def pose(
     model: DeformationModel, handles: io.HandleFile, hard: bool
 ) -> tuple[NDArray, dict[str, Any]]:
-    """Vertices (V, 3) for a single pose's handles, and the record of how it went."""
+    """Vertices (V, 3) of a pose fitted to the first frame's handles, and the fit's record."""
     frame = handles.frames[0]
     solver = deformer.HandleSolver(model)
     solver.set_handles(
@@ -53,7 +53,7 @@ def pose(
 
 
 def describe(found: deformer.Pose) -> dict[str, Any]:
-    """The record of a pose."""
+    """Code, residuals, iterations, time and prior distance of a pose."""
     return {
         "z": found.z,
         **_residuals(found.residual),
@@ -73,7 +73,7 @@ def sequence(
     backend: str | None,
     progress: Callable[[int, int], None],
 ) -> tuple[NDArray, dict[str, Any]]:
-    """Vertices (F, V, 3) for all frames' handles, and the record of how it went, with `frames`."""
+    """Vertices (F, V, 3) fitted to the handles of F frames, and the fit's record with `frames`."""
     vertices, targets, weights = _tracks(handles)
     begun = time.perf_counter()
     found = deformer.fit_sequence(
@@ -111,23 +111,23 @@ def save(path: Path, faces: NDArray, vertices: NDArray) -> None:
 
 
 def _tracks(handles: io.HandleFile) -> tuple[NDArray, NDArray, NDArray]:
-    """Vertices (H,) that have a handle in any frame, targets (F, H, 3), weights (F, H).
+    """Vertices (H,) with a handle in any frame, their targets (F, H, 3) and weights (F, H).
 
-    Where a frame has no handle at a vertex its weight is 0.
+    The weight is 0 where a frame has no handle at a vertex.
     """
     vertices = np.unique([handle.vertex for frame in handles.frames for handle in frame])
-    place = {int(vertex): h for h, vertex in enumerate(vertices)}
+    column = {int(vertex): h for h, vertex in enumerate(vertices)}
     targets = np.zeros((len(handles.frames), len(vertices), 3))
     weights = np.zeros(targets.shape[:2])
     for f, frame in enumerate(handles.frames):
         for handle in frame:
-            h = place[handle.vertex]
+            h = column[handle.vertex]
             targets[f, h], weights[f, h] = handle.position, handle.weight
     return vertices, targets, weights
 
 
 def _residuals(distances: NDArray) -> dict[str, float]:
-    """Sum up distances; NaN is a handle that is not there."""
+    """Root mean square and largest of the distances; NaN marks a missing handle."""
     if not len(distances):
         return {"residual_rms": 0.0, "max_residual": 0.0}
     return {

@@ -1,4 +1,4 @@
-"""The `deformer` command. Heavy modules are imported by the command that needs them."""
+"""The `deformer` command; each command imports heavy modules only when it runs."""
 
 from __future__ import annotations
 
@@ -43,9 +43,10 @@ class Config(StrEnum):
 
 def main() -> None:
     """Run the command line and exit with its status; without arguments show the help."""
-    # Both libraries' threads spin while they wait for each other. On a machine that does anything
-    # else, training then takes 2 to 10 times as long and a drag 10 times; its matrices are too
-    # small to share anyway. Read when PyTorch and numpy are imported, so it has to happen here.
+    # The threads of OpenMP and OpenBLAS spin while they wait for each other. On a busy machine
+    # training then takes 2 to 10 times as long, and a drag 10 times; its matrices are too small for
+    # several threads anyway. PyTorch and numpy read these variables when they are imported, so they
+    # are set here.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     sys.exit(console.run(app))
@@ -400,7 +401,7 @@ def _load_shapes(path: Path) -> MeshSequence:
 
 
 def _refuse_unusable(path: Path, shapes: MeshSequence) -> None:
-    """Print the doctor's warnings; raise if there is an error among the findings."""
+    """Print the warnings of `examine`; raise InputError if it finds an error."""
     from deformer import InputError, examine
 
     report = examine(shapes)
@@ -416,7 +417,7 @@ def _refuse_unusable(path: Path, shapes: MeshSequence) -> None:
 
 
 def _prepare_output(output: Path, resume: bool) -> Path:
-    """Check where the model goes before hours are spent; return the folder for checkpoints."""
+    """Check the model's directory before training starts; return that of the checkpoints."""
     from deformer import InputError
 
     if output.exists() and not output.is_dir():

@@ -1,4 +1,4 @@
-"""Commands about a model's components and the shapes it can make; part of `deformer`."""
+"""Arguments of the commands about components and new shapes; part of `deformer`."""
 
 from __future__ import annotations
 

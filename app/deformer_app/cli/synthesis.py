@@ -1,4 +1,4 @@
-"""New shapes as files: what `synthesize`, `interpolate` and `encode` of the command line do."""
+"""`deformer synthesize`, `interpolate` and `encode`: new shapes as files."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ FPS = 12  # of animations
 
 @dataclass(frozen=True)
 class Request:
-    """What `deformer synthesize` was asked for; see its help."""
+    """Arguments of `deformer synthesize`; see its help."""
 
     model: str
     output: Path
@@ -48,7 +48,7 @@ class Request:
 
 
 def run(request: Request, progress: Progress) -> dict[str, Any]:
-    """Make the shapes and write them; returns the record."""
+    """Synthesise shapes and write them; returns their codes and files."""
     ways = _ways(request.ways)
     _check(request, ways)
     model = deformer.load_model(request.model)
@@ -77,7 +77,7 @@ def run(request: Request, progress: Progress) -> dict[str, Any]:
 def between(
     model_name: str, keys: list[str], output: Path, steps: int, ways: str, progress: Progress
 ) -> dict[str, Any]:
-    """Go through shapes in several ways; write a sequence each, a sheet and an animation."""
+    """Interpolate shapes in several ways; write a sequence for each, a sheet and an animation."""
     chosen = _ways(ways)
     if len(keys) < 2:
         raise InputError(f"interpolate: got {len(keys)} shape, expected two or more")
@@ -108,7 +108,7 @@ def between(
 
 
 def encode(model_name: str, shape: Path, output: Path | None, quick: bool) -> dict[str, Any]:
-    """Code of a shape, and how far what it decodes to is from the shape."""
+    """Code of a shape, and the distances of the decoded shape from it."""
     if output is not None and output.suffix.lower() != ".json":
         fitting.check_output(output, is_sequence=False)
     model = deformer.load_model(model_name)
@@ -134,20 +134,20 @@ def encode(model_name: str, shape: Path, output: Path | None, quick: bool) -> di
 
 
 def start_code(model: DeformationModel, text: str) -> NDArray | None:
-    """Code (K,) of a shape as the command line names it; None is the reference.
+    """Code (K,) of a shape named on the command line; None is the reference.
 
     Raises:
-        InputError: no such training shape, no such file, or not of the model.
+        InputError: no such training shape or file, or a mesh of another connectivity.
     """
     if text == "reference":
         return None
     if text.isdigit() or text.lower().endswith(".json"):
-        return _kept_code(model, text)
+        return _stored_code(model, text)
     return model.fit(_loaded(model, Path(text)))
 
 
-def _kept_code(model: DeformationModel, text: str) -> NDArray:
-    """Code (K,) of a training shape by its number, or of a JSON file."""
+def _stored_code(model: DeformationModel, text: str) -> NDArray:
+    """Code (K,) of a training shape by its number, or from a JSON file."""
     if text.isdigit():
         rows = model.split["train"]
         if int(text) not in rows:
@@ -167,11 +167,11 @@ def _kept_code(model: DeformationModel, text: str) -> NDArray:
 
 
 def _shape(model: DeformationModel, text: str) -> NDArray:
-    """Vertices (V, 3) of a shape as the command line names it; a mesh as it is."""
+    """Vertices (V, 3) of a shape named on the command line; a mesh file is not encoded."""
     if text == "reference":
         return model.reference.vertices
     if text.isdigit() or text.lower().endswith(".json"):
-        return model.decode(_kept_code(model, text))
+        return model.decode(_stored_code(model, text))
     return _loaded(model, Path(text))
 
 
@@ -186,7 +186,7 @@ def _loaded(model: DeformationModel, path: Path) -> NDArray:
 
 
 def _check(request: Request, ways: tuple[Way, ...]) -> None:
-    """Raise InputError, before any work, for what does not go together."""
+    """Raise InputError, before any work, for options that exclude each other."""
     if request.random is not None and (request.weights or request.sweeps):
         raise InputError("synthesize: --random goes without --weights and --sweep; leave them out")
     if request.random is None and not request.weights and not request.sweeps:
@@ -209,7 +209,7 @@ def _ways(text: str) -> tuple[Way, ...]:
 
 
 def _weights(text: str) -> dict[int | str, float]:
-    """ "3=0.8,nod=1.2" by component."""
+    """Weights by component of a text such as "3=0.8,nod=1.2"."""
     weights: dict[int | str, float] = {}
     for part in text.split(","):
         key, sign, value = part.partition("=")
@@ -226,7 +226,7 @@ def _weights(text: str) -> dict[int | str, float]:
 
 
 def _sweep(text: str) -> tuple[str, NDArray]:
-    """ "3=-1:1:9": a component and its weights."""
+    """Component and weights of a text such as "3=-1:1:9"."""
     key, _, span = text.partition("=")
     try:
         first, last, count = span.split(":")
@@ -255,7 +255,7 @@ def _sweeps(
     ways: tuple[Way, ...],
     progress: Progress,
 ) -> dict[str, Any]:
-    """A row for every sweep and way: an NPZ and a GIF each, one sheet."""
+    """Write an NPZ and a GIF for every sweep and way, and one sheet with a row for each."""
     rows: dict[str, NDArray] = {}
     titles: dict[str, list[str]] = {}
     fixed = {model.component(key): weight for key, weight in weights.items()}

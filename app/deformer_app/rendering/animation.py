@@ -19,11 +19,11 @@ def check_animation_path(path: Path) -> None:
 
 
 def save_animation(path: Path, frames: Sequence[Picture], fps: int) -> None:
-    """Write pictures as an animation, the whole file or nothing.
+    """Write pictures as an animation; the file is complete or absent.
 
     Args:
-        path: ends in .gif, which repeats for ever, or .mp4.
-        frames: pictures (height, width, 3) of one size; a lazy sequence is read one at a time.
+        path: file that ends in .gif, which loops for ever, or .mp4.
+        frames: pictures (height, width, 3) uint8 of one size; may be a lazy sequence.
         fps: frames a second.
 
     Raises:
@@ -38,10 +38,13 @@ def save_animation(path: Path, frames: Sequence[Picture], fps: int) -> None:
 
 
 def side_by_side(rows: Mapping[str, Sequence[Picture]]) -> list[Picture]:
-    """Frames that show those of several rows beside each other, each under its label.
+    """Frames that show those of several rows beside each other, each above its label.
 
     Args:
         rows: label → frames, equally many in every row.
+
+    Raises:
+        ValueError: rows of different lengths.
     """
     labels = list(rows)
     return [
@@ -51,7 +54,7 @@ def side_by_side(rows: Mapping[str, Sequence[Picture]]) -> list[Picture]:
 
 
 def there_and_back(frames: Sequence[Picture]) -> list[Picture]:
-    """Frames from first to last and back again, without showing either end twice."""
+    """Frames from the first to the last and back, each end once."""
     return [*frames, *frames[-2:0:-1]]
 
 
@@ -64,7 +67,7 @@ def _write_gif(path: Path, frames: Sequence[Picture], fps: int) -> None:
     for index, sample in enumerate(samples):
         strip.paste(sample, (index * width, 0))
     palette = strip.quantize(255, method=Image.Quantize.MEDIANCUT)
-    # One at a time: a minute of a large window would fill gigabytes.
+    # Converted one at a time: a minute of a large window would need gigabytes.
     indexed = (
         Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
         for frame in frames

@@ -1,4 +1,4 @@
-"""A perspective camera as plain numbers: aim it, move it, go from points to pixels and back."""
+"""A perspective camera as plain numbers: aim, motion, projection to pixels and back."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from deformer import InputError
 
 Vector = tuple[float, float, float]
 
-# Up axis → the direction that a shape faces by habit of its file format's tools.
+# Up axis → the direction that shapes usually face.
 _FRONT: dict[str, Vector] = {"x": (0, -1, 0), "y": (0, 0, 1), "z": (0, -1, 0)}
 _UP: dict[str, Vector] = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
 
@@ -26,10 +26,10 @@ class Camera:
     """A perspective camera.
 
     Args:
-        position: where the eye is, in the data's units.
-        focal: the point that lands in the middle of the image.
+        position: position of the eye, in the data's units.
+        focal: point that the centre of the image shows.
         up: direction that is up in the image; need not be perpendicular to the view.
-        view_angle: full vertical opening, in degrees.
+        view_angle: full vertical field of view, in degrees.
     """
 
     position: Vector
@@ -55,7 +55,7 @@ class Camera:
         return np.stack([width / 2 + xy[:, 0], height / 2 - xy[:, 1]], axis=1)
 
     def depths(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Return the depths (N,) of `points` (N, 3): along the view, negative behind the eye."""
+        """Return the depths (N,) of `points` (N, 3) along the view, negative behind the eye."""
         return (np.asarray(points, dtype=np.float64) - self.position) @ -self.axes()[2]
 
     def ray(self, pixel: ArrayLike, size: tuple[int, int]) -> Ray:
@@ -85,8 +85,8 @@ class Camera:
 
         Args:
             right: degrees that the scene turns to the right about `sky`.
-            down: degrees that it tips towards the viewer; the poles stop it.
-            sky: (3,) the direction that stays up.
+            down: degrees that the scene tips towards the viewer, at most to a pole.
+            sky: (3,) direction that stays up.
         """
         up = _unit(sky)
         offset = np.subtract(self.position, self.focal)
@@ -107,7 +107,7 @@ class Camera:
         return replace(self, position=_vector(eye), up=_vector(up))
 
     def panned(self, right: float, down: float, size: tuple[int, int]) -> Camera:
-        """Return the camera moved in its plane so that the focal point goes by so many pixels."""
+        """Return the camera moved in its image plane, so that the scene moves by so many pixels."""
         axes, step = self.axes(), self.pixel_size(self.focal, size)
         shift = step * (-right * axes[0] + down * axes[1])
         return replace(
@@ -117,7 +117,7 @@ class Camera:
         )
 
     def zoomed(self, factor: float, pixel: ArrayLike, size: tuple[int, int]) -> Camera:
-        """Return the camera nearer by `factor`, below 1 farther; the pixel shows the same point."""
+        """Return the camera nearer by `factor` (below 1: farther); the point at `pixel` stays."""
         distance = np.sqrt((np.subtract(self.position, self.focal) ** 2).sum())
         anchor = self.unproject(pixel, float(distance), size)
         return replace(
@@ -128,7 +128,7 @@ class Camera:
 
 
 def eased(count: int) -> NDArray[np.float64]:
-    """Return shares (count,) of a path that is slow, fast, slow: from above 0 to 1, a cosine."""
+    """Return positions (count,) in (0, 1] of a cosine easing: slow, fast, slow."""
     return 0.5 - 0.5 * np.cos(np.pi * np.arange(1, count + 1) / count)
 
 
@@ -136,9 +136,9 @@ def turntable(camera: Camera, count: int, sky: ArrayLike) -> list[Camera]:
     """Return the cameras of a full turn about the focal point, in equal steps, `camera` first.
 
     Args:
-        camera: where the turn begins.
+        camera: first camera.
         count: number of cameras.
-        sky: (3,) the direction that stays up.
+        sky: (3,) direction that stays up.
     """
     return [camera.orbited(360.0 * n / count, 0.0, sky) for n in range(count)]
 
@@ -151,10 +151,14 @@ class Ray:
     direction: NDArray[np.float64]
 
     def along(self, point: ArrayLike, axis: ArrayLike) -> float | None:
-        """Find where on the line through `point` along unit `axis` the ray comes closest.
+        """Return the position on a line, in units of `axis` from `point`, closest to the ray.
+
+        Args:
+            point: (3,) point of the line.
+            axis: (3,) unit direction of the line.
 
         Returns:
-            The signed distance from `point`; None where the two are all but parallel.
+            The signed distance from `point`; None where line and ray are nearly parallel.
         """
         a, d = np.asarray(axis, dtype=np.float64), _unit(self.direction)
         across = 1.0 - (a @ d) ** 2
@@ -164,7 +168,7 @@ class Ray:
         return float((gap @ a - (gap @ d) * (a @ d)) / across)
 
     def on_plane(self, point: ArrayLike, normal: ArrayLike) -> NDArray[np.float64] | None:
-        """Return where the ray crosses a plane, (3,); None where it grazes it or leads away."""
+        """Return the intersection (3,) with a plane; None if behind or (nearly) parallel."""
         n, d = np.asarray(normal, dtype=np.float64), _unit(self.direction)
         slope = float(n @ d)
         if abs(slope) < 1e-3:
@@ -199,7 +203,7 @@ def aim(
     aspect: float = 1.0,
     margin: float = 0.08,
 ) -> Camera:
-    """Return a camera that sees all of `vertices` as large as the image allows.
+    """Return a camera that shows all of `vertices` as large as the image allows.
 
     Args:
         vertices: (..., 3) points to keep in view; several shapes may be stacked.
@@ -222,8 +226,8 @@ def aim(
     view = Camera(_vector(middle + backward), _vector(middle), _vector(sky))
     local = (points - middle) @ view.axes().T
 
-    # With the eye on the axis through the middle of the silhouette, a point at depth
-    # z needs the distance z + |y| / tan(half opening), and the same across the width.
+    # With the eye on the axis through the middle of the silhouette, a point at depth z needs the
+    # distance z + |y| / tan(half field of view), and likewise for the width.
     tangent = np.tan(np.radians(view.view_angle) / 2) * (1 - 2 * margin)
     shift = (local[:, :2].min(axis=0) + local[:, :2].max(axis=0)) / 2
     flat = np.abs(local[:, :2] - shift)

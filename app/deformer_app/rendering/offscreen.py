@@ -46,14 +46,14 @@ class Layer:
     """One mesh of a picture and how to draw it.
 
     Args:
-        mesh: what to draw.
-        color: its colour, where `scalars` do not say otherwise.
-        opacity: 1 is solid.
-        scalars: (V,) values to colour the vertices by, with a bar beside the picture.
-        title: the bar's caption.
-        limits: values at the ends of the bar; those of `scalars` if not given.
-        bar: draw the bar.
-        colormap: colours of the scalars, from low to high, by matplotlib's name.
+        mesh: the mesh.
+        color: colour of the mesh, unless `scalars` are given.
+        opacity: from 0, invisible, to 1, solid.
+        scalars: (V,) values that colour the vertices.
+        title: caption of the colour bar.
+        limits: values at the ends of the colour bar; None is the range of `scalars`.
+        bar: true to draw the colour bar.
+        colormap: matplotlib's name of the colour map.
     """
 
     mesh: Mesh
@@ -68,13 +68,13 @@ class Layer:
 
 @dataclass(frozen=True, eq=False)
 class HandleGlyphs:
-    """Handles of a picture: a ball on the surface, a second ball and a line where it should be.
+    """Handles of a picture: a ball on the surface, and a line to a second ball at the target.
 
     Args:
-        positions: (H, 3) where the handle vertices are.
-        targets: (H, 3) where the user wants them; drawn where that is visibly elsewhere.
-        pinned: (H,) true for handles that stay where they are, drawn in a quieter colour.
-        radius: of a ball, in the data's units; by default a share of the picture's shapes.
+        positions: (H, 3) positions of the handle vertices.
+        targets: (H, 3) targets; drawn where they are visibly apart from the positions.
+        pinned: (H,) true for pinned handles, which have a colour of their own.
+        radius: radius of a ball, in the data's units; None is 1.3 % of the bounding diagonal.
     """
 
     positions: ArrayLike
@@ -93,11 +93,14 @@ def render(
     """Draw meshes and handles.
 
     Args:
-        layers: one mesh or several, drawn in the same space.
-        camera: see `camera.aim`; keep one camera for the frames of an animation.
+        layers: one mesh or several in the same coordinates.
+        camera: see `camera.aim`; the frames of an animation share one camera.
         size: width and height in pixels.
-        handles: balls and lines to draw with them.
-        background: a flat colour.
+        handles: handles to draw.
+        background: colour of the background.
+
+    Returns:
+        The picture (height, width, 3) uint8.
 
     Raises:
         InputError: the machine cannot render off-screen.
@@ -138,14 +141,14 @@ def contact_sheet(
     gap: int = 12,
     background: str = BACKGROUND,
 ) -> Picture:
-    """Set equally large pictures in rows of `columns`, each over its title.
+    """Arrange pictures of one size in rows of `columns`, each above its title.
 
     Args:
         images: pictures of one size, in reading order.
         columns: pictures a row.
-        titles: a line for each picture, or none.
+        titles: a line for each picture, or None.
         gap: pixels between and around the pictures.
-        background: colour of what they leave free.
+        background: colour between the pictures.
 
     Raises:
         InputError: no pictures, pictures of different sizes, or another number of titles.
@@ -182,7 +185,7 @@ def contact_sheet(
 
 
 def save_picture(path: str | os.PathLike[str], image: Picture) -> None:
-    """Write a picture; the ending of `path` chooses the format."""
+    """Write a picture; the suffix of `path` chooses the format."""
     Image.fromarray(image).save(Path(path))
 
 
@@ -275,7 +278,7 @@ def _add_balls(plotter: pv.Plotter, centres: NDArray, radius: float, color: str)
 
 @contextmanager
 def off_screen() -> Iterator[None]:
-    """Have VTK's next render window drawn through EGL on Linux, whatever DISPLAY says."""
+    """Make VTK's next render window use EGL on Linux, whatever DISPLAY says."""
     if not sys.platform.startswith("linux"):
         yield
         return
@@ -294,14 +297,14 @@ def off_screen() -> Iterator[None]:
 
 @cache
 def _check_egl() -> None:
-    """Raise unless EGL starts: VTK would bring the whole process down with a segmentation fault."""
+    """Raise InputError unless EGL starts: VTK would crash the process with a segmentation fault."""
     remedy = "install its libraries (Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri)"
     try:
         egl = ctypes.CDLL("libEGL.so.1")
     except OSError as error:
         raise deformer.InputError(f"pictures: off-screen rendering needs EGL; {remedy}") from error
     if not hasattr(egl, "eglGetPlatformDisplay"):
-        return  # older than EGL 1.5: nothing to probe with
+        return  # before EGL 1.5 there is no function to test with
     egl.eglGetPlatformDisplay.restype = ctypes.c_void_p
     egl.eglGetPlatformDisplay.argtypes = [ctypes.c_uint, ctypes.c_void_p, ctypes.c_void_p]
     egl.eglInitialize.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]

@@ -7,13 +7,13 @@ from functools import cache
 
 from PIL import ImageColor
 
-# Of pictures without a window.
+# Pictures without a window.
 BACKGROUND = "#f3f2ef"
-INK = "#33373d"  # of titles and numbers
-CLAY = "#c5d2de"  # of a surface
-GHOST = "#d8d2c8"  # of a surface to compare with
+INK = "#33373d"  # titles and numbers
+CLAY = "#c5d2de"  # a surface
+GHOST = "#d8d2c8"  # a surface to compare with
 
-# Of handles, wherever they are drawn.
+# Handles, in pictures and windows.
 HANDLE = "#e8641b"
 PINNED = "#3d4754"
 TARGET = "#1f78d1"
@@ -22,12 +22,12 @@ SELECTED, HOVERED, REGION = "#ffd43b", "#ffa94d", "#f2a65a"
 AXES = {"x": "#e03131", "y": "#2f9e44", "z": "#1c7ed6"}
 
 # Colour maps, by matplotlib's names.
-SCALARS = "viridis"  # values of any kind, with a bar that gives their scale
-HEAT = "YlOrRd"  # amounts from zero: what has none is light, and its shading shows
+SCALARS = "viridis"  # values of any kind, with a colour bar
+HEAT = "YlOrRd"  # amounts from zero, which is light, so that shading stays visible
 DIVERGING = "coolwarm"  # signed values about zero
 
-GOOD, FAIR, BAD = "#2f9e44", "#f08c00", "#e03131"  # of a measure with a scale
-# Lines of text upon or below the picture of the window.
+GOOD, FAIR, BAD = "#2f9e44", "#f08c00", "#e03131"  # levels of a measure
+# Backgrounds of notices in the window.
 NOTICE = {"mistake": "#fff3bf", "tour": "#d0ebff", "recording": "#ffe3e3", "waiting": "#e9ecef"}
 NOTICE_INK = "#212529"
 
@@ -37,14 +37,14 @@ class Theme:
     """Colours of the window, light or dark.
 
     Args:
-        background: of the picture, at its bottom.
-        horizon: of the picture, at its top.
-        ink: of text in the picture.
-        clay: of the surface.
-        ghost: of a surface to compare with.
-        edge: of the edges of faces.
-        widgets: around the picture, by role of Qt's palette.
-        disabled: of text on widgets that are disabled.
+        background: bottom of the picture.
+        horizon: top of the picture.
+        ink: text in the picture.
+        clay: the surface.
+        ghost: a surface to compare with.
+        edge: edges of faces.
+        widgets: colours of widgets by role of Qt's palette.
+        disabled: text on disabled widgets.
     """
 
     background: str
@@ -105,6 +105,6 @@ DARK = Theme(
 
 @cache
 def rgb(colour: str) -> tuple[int, int, int]:
-    """Red, green and blue of a colour's name, each 0 to 255."""
+    """Red, green and blue of a colour, given by its name or hexadecimal code, each 0 to 255."""
     red, green, blue = ImageColor.getrgb(colour)[:3]
     return red, green, blue

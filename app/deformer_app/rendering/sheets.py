@@ -1,4 +1,4 @@
-"""Rows of shapes drawn by one camera, and the contact sheet of them."""
+"""Rows of shapes drawn with one camera, and their contact sheet."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ def draw(
     size: tuple[int, int] = TILE,
     azimuth: float = 30.0,
 ) -> dict[str, list[Picture]]:
-    """Pictures of shapes (n, V, 3) by row, all from one camera that sees them all.
+    """Pictures of rows of shapes, all drawn with one camera that shows every shape.
 
     Args:
-        rows: label → shapes.
-        faces: (F, 3) of all shapes.
+        rows: label → shapes (n, V, 3).
+        faces: (F, 3) int64, the same for all shapes.
         up: axis that points up.
         progress: called with the pictures done and their number.
-        size: width and height of a picture.
-        azimuth: of the camera, see `camera.aim`.
+        size: width and height of a picture in pixels.
+        azimuth: azimuth of the camera in degrees, see `camera.aim`.
     """
     everything = np.concatenate(list(rows.values()))
     camera = aim(everything, up=up, aspect=size[0] / size[1], azimuth=azimuth)
@@ -48,7 +48,7 @@ def draw(
 
 
 def sheet(drawn: Mapping[str, Sequence[Picture]], titles: Mapping[str, Sequence[str]]) -> Picture:
-    """Contact sheet, a row each: at most `COLUMNS` pictures, evenly chosen, under their titles."""
+    """Contact sheet of rows of pictures: at most `COLUMNS` of each, evenly chosen, with titles."""
     count = max(len(row) for row in drawn.values())
     columns = min(count, COLUMNS)
     pictures, captions = [], []
@@ -60,7 +60,7 @@ def sheet(drawn: Mapping[str, Sequence[Picture]], titles: Mapping[str, Sequence[
 
 
 def save_sheet(path: Path, picture: Picture) -> None:
-    """Write a picture as a whole or not at all."""
+    """Write a picture; the file is complete or absent."""
     with io.atomic_path(path) as temporary:
         save_picture(temporary, picture)
 
@@ -72,5 +72,5 @@ def save_rows(
     up: str,
     titles: Mapping[str, Sequence[str]],
 ) -> None:
-    """Draw shapes (n, V, 3) by row and write the sheet of them."""
+    """Draw rows of shapes (n, V, 3) and write their contact sheet; arguments as for `draw`."""
     save_sheet(path, sheet(draw(rows, faces, up), titles))

@@ -1,4 +1,4 @@
-"""Curves of errors over counts, with their spread."""
+"""Curves of errors over counts, with bands of one standard deviation."""
 
 from __future__ import annotations
 
@@ -20,15 +20,16 @@ def draw(
     horizontal: str,
     points: Mapping[str, tuple[float, float]] | None = None,
 ) -> bytes:
-    """A line a method with a band of one standard deviation, as SVG without a date in it.
+    """Plot a curve for each method with a band of one standard deviation; returns SVG.
 
-    Both axes are logarithmic where that is wanted: errors over a factor of ten, counts that double.
+    The SVG has no date, so that equal tables give equal bytes. An axis is logarithmic if errors (or
+    more than two counts) span a factor of ten.
 
     Args:
-        table: what to show; methods keep their colours from figure to figure of one table order.
-        title: over the axes.
-        horizontal: what the counts are.
-        points: single values beside the curves, (count, value) by their names.
+        table: summaries by method and count; the order of the methods gives their colours.
+        title: title of the figure.
+        horizontal: label of the axis of counts.
+        points: single (count, value) pairs by their names, drawn beside the curves.
     """
     figure = Figure(figsize=(7.2, 4.0), layout="constrained")
     axes = figure.add_subplot()

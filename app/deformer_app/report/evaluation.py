@@ -1,4 +1,4 @@
-"""`deformer evaluate`: from arguments to studies, a run that can go on, and its report."""
+"""`deformer evaluate`: studies from the arguments, a resumable run, and its report."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from deformer.evaluation import QUICK, Setting, Source, Split, Study, paper_sour
 from deformer_app.report import report
 
 _PACKAGES = ("deformer", "numpy", "scipy", "torch", "numba", "libigl", "potpourri3d", "pyvista")
-# Entries of a run's directory, of which one is there from the first minutes on.
-_OWN = ("journal.jsonl", "models", "examples")
+# Entries of a run's directory; one of them exists soon after the run has started.
+_RUN_ENTRIES = ("journal.jsonl", "models", "examples")
 
 
 @dataclass(frozen=True)
 class Options:
-    """What the command line asks for; None leaves the default, or the preset's."""
+    """Options of the command line; None leaves the default, or the preset's value."""
 
     methods: tuple[str, ...] | None = None
     protocols: tuple[str, ...] | None = None
@@ -57,11 +57,19 @@ def run(
 ) -> dict[str, Any]:
     """Measure, and write results.json, results.csv, run.json and report.html to `output`.
 
+    Args:
+        paths: sets of shapes, or a model and its shapes.
+        output: directory of the run.
+        options: options of the command line.
+        preset: "quick", "paper" or None.
+        processes: number of trainings at a time.
+        progress: called with finished measurements, all measurements, and the current label.
+
     Returns:
-        Where the files are and how much there is, for people and --json.
+        Paths of directory and report, numbers of rows and failures, and the seconds taken.
 
     Raises:
-        InputError: a path or an option that makes no sense.
+        InputError: a path or an option that cannot be used.
     """
     _check_output(output)
     begun = time.time()
@@ -96,7 +104,7 @@ def run(
 
 
 def _studies(paths: list[str], options: Options, preset: str | None) -> list[Study]:
-    """One study for every SHAPES, or one of a MODEL on its SHAPES."""
+    """A study of each set of shapes, or one study of a model on its shapes."""
     models = [path for path in paths if _is_model(path)]
     shapes = [path for path in paths if path not in models]
     if not shapes or (models and (len(models), len(shapes)) != (1, 1)):
@@ -125,10 +133,10 @@ def _studies(paths: list[str], options: Options, preset: str | None) -> list[Stu
     chosen = QUICK if preset == "quick" else {}
     chosen = chosen | options.given()
     if options.components is not None:
-        # The paper's 50 if it is among them, else the largest, for all but the curve over K.
+        # K of all protocols but the curve over K: the paper's 50 if it is given, else the largest.
         chosen["at"] = 50 if 50 in options.components else max(options.components)
     if models:
-        return [_of_model(models[0], sources[0], options, chosen)]
+        return [_model_study(models[0], sources[0], options, chosen)]
     chosen.setdefault("methods", evaluation.known_methods())
     return [Study(source, **(chosen | _split_files(options, source.count))) for source in sources]
 
@@ -142,7 +150,7 @@ def _split_files(options: Options, count: int) -> dict[str, Any]:
     return {"splits": tuple(Split(tuple(f["train"]), tuple(f["test"])) for f in files)}
 
 
-def _of_model(path: str, source: Source, options: Options, chosen: dict[str, Any]) -> Study:
+def _model_study(path: str, source: Source, options: Options, chosen: dict[str, Any]) -> Study:
     model = deformer.load_model(path)
     files = _split_files(options, source.count)
     split = Split(tuple(model.split["train"]), tuple(model.split["test"])) if not files else None
@@ -161,9 +169,9 @@ def _of_model(path: str, source: Source, options: Options, chosen: dict[str, Any
     for name in ("splits", "components"):
         if name in options.given():
             raise deformer.InputError(f"--{name} does not go with a model, which has its own")
-    rivals = chosen.pop("methods", ())
+    others = chosen.pop("methods", ())
     fixed = {
-        "methods": ("model", *(name for name in rivals if name != "model")),
+        "methods": ("model", *(name for name in others if name != "model")),
         "splits": (split,) if split else files["splits"],
         "components": (model.components,),
         "at": model.components,
@@ -201,14 +209,14 @@ def _check_output(output: Path) -> None:
     if output.exists() and not output.is_dir():
         raise deformer.InputError(f"{output}: is a file, expected a directory; choose another")
     entries = {entry.name for entry in output.iterdir()} if output.is_dir() else set()
-    if entries and not entries & set(_OWN):
+    if entries and not entries & set(_RUN_ENTRIES):
         raise deformer.InputError(
             f"{output}: holds something other than an evaluation; choose another directory"
         )
 
 
 def _facts(study: Study) -> dict[str, Any]:
-    """A study as plain values."""
+    """A study as JSON values."""
     return {
         "dataset": study.source.name,
         "path": study.source.path,
@@ -230,7 +238,7 @@ def _facts(study: Study) -> dict[str, Any]:
 
 
 def _processor() -> str:
-    """Name of the processor where the system tells it."""
+    """Name of the processor, as far as the system reports one."""
     info = Path("/proc/cpuinfo")
     if info.is_file():
         for line in info.read_text(errors="replace").splitlines():

@@ -1,4 +1,4 @@
-"""The paper's tables and figures beside what was measured here."""
+"""The paper's tables and figures beside the measured numbers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _DATA = {
 
 
 def section(tables: Tables) -> Section:
-    """Counterparts of the tables and figures that there are numbers for."""
+    """The section with those of the paper's tables and figures that have measured numbers."""
     parts = [_more_evaluation(tables), _gerror(tables), _diff_lambda(tables), _control(tables)]
     return Section("Beside the paper", [part for part in parts if part is not None])
 
@@ -31,13 +31,13 @@ def _summary(tables: Tables, key: tuple[str, str, str], method: str) -> Summary 
 
 
 def _more_evaluation(tables: Tables) -> Part | None:
-    """Table "moreevaluation": a row of the paper's numbers over one of ours for each data set."""
+    """Table "moreevaluation": for each data set the paper's numbers above the measured ones."""
     methods = list(paper.METHODS.values())
     also = "autoencoder"
     head = ["data set, metric", *(f"{name}: {ours}" for name, ours in paper.METHODS.items()), also]
     rows = []
     for (title, dataset, metric), numbers in paper.MORE_EVALUATION.items():
-        # Without an order of the shapes STED has its spatial part alone.
+        # STED has only its spatial part where the shapes have no order.
         measured = metric
         if metric == "STED" and (dataset, _ENCODER, metric) not in tables:
             measured = "STED_spatial"

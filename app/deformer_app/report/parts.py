@@ -1,4 +1,4 @@
-"""What a report is made of: sections of parts, with tables and figures."""
+"""Elements of a report: sections, their parts, tables and figures."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from deformer.evaluation import Summary, Table
 
 @dataclass(frozen=True)
 class Cell:
-    """Text of a table's cell; its kind is "", "best", "failed" or "paper"."""
+    """Text of a table's cell, and its style: "", "best", "failed" or "paper"."""
 
     text: str
     kind: str = ""
@@ -19,7 +19,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Grid:
-    """A table: its head, and rows that begin with their names."""
+    """A table: its header, and rows whose first cell is their name."""
 
     head: list[str]
     rows: list[list[Cell]]
@@ -27,7 +27,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class Figure:
-    """An image within the page; a sheet is as wide as it is and scrolls."""
+    """An image embedded in the page; a sheet keeps its full width and scrolls."""
 
     image: bytes
     kind: str
@@ -64,11 +64,13 @@ class Section:
 
 
 def grid(table: Table, head: str) -> Grid:
-    """A summary table: a row a method, a column a count; the least mean of a column is best.
+    """A table with a row for each method and a column for each count.
+
+    The smallest mean of a column is marked as the best.
 
     Args:
-        table: what to show.
-        head: over the names of the methods.
+        table: summaries by method and count.
+        head: header of the column of method names.
     """
     least = {
         count: min(
@@ -90,7 +92,7 @@ def grid(table: Table, head: str) -> Grid:
 
 
 def value_cell(summary: Summary, best: bool = False) -> Cell:
-    """Mean ± spread, and what failed."""
+    """Mean ± standard deviation, and the numbers of failed shapes and seeds."""
     if not summary.values:
         return Cell("failed", "failed")
     text = number(summary.mean)
@@ -107,7 +109,7 @@ def value_cell(summary: Summary, best: bool = False) -> Cell:
 
 
 def number(value: float) -> str:
-    """Four digits, without an exponent where that is short."""
+    """A number in four digits, with an exponent only below 1e-4 and from 1e6 on."""
     if value and not 1e-4 <= abs(value) < 1e6:
         return f"{value:.2e}"
     digits = 3 - math.floor(math.log10(abs(value))) if value else 0

@@ -1,4 +1,4 @@
-"""The report of an evaluation: one HTML file with tables, curves and pictures in it."""
+"""The report of an evaluation: one HTML file with tables, curves and pictures."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from deformer_app import console
 from deformer_app.report import curves, paper as paper_sections, shape_rows as examples
 from deformer_app.report.parts import Cell, Figure, Grid, Part, Section, grid
 
-# Sections in order, by the beginning of a protocol's name.
+# Titles of sections, in order, by the first part of a protocol's name.
 _SECTIONS = {
     "reconstruction": "Reconstruction of unseen shapes",
     "sparse_control": "Sparse control",
@@ -26,7 +26,7 @@ _SECTIONS = {
     "rotation": "Large rotations",
     "training": "Training time",
 }
-# What a count is, by a part of a protocol's name.
+# Meaning of a count, by a part of a protocol's name.
 _COUNTS = {
     "control": "control points",
     "rotation": "largest local rotation up to, degrees",
@@ -39,13 +39,13 @@ _RUNS = {"encoder": "encoder pass", "fit": "best latent fit"}
 def write(
     folder: Path, rows: list[Row], facts: Mapping[str, Any], datasets: Mapping[str, str]
 ) -> None:
-    """Write FOLDER/report.html; it needs no other file and no network.
+    """Write FOLDER/report.html, which needs neither other files nor a network.
 
     Args:
-        folder: of the run, with its `examples`.
-        rows: its results.
-        facts: its command, versions, machine …; the values of run.json.
-        datasets: the axis that points up by the names of the data sets.
+        folder: directory of the run, with its `examples`.
+        rows: results of the run.
+        facts: values of run.json: command, versions, machine, ….
+        datasets: axis that points up, by name of the data set.
     """
     tables = summarise(rows)
     sections = [paper_sections.section(tables)] if facts["preset"] == "paper" else []
@@ -68,7 +68,7 @@ def write(
 
 
 def _parts(tables: Mapping[tuple[str, str, str], Table], beginning: str) -> list[Part]:
-    """A part for every data set and protocol: its tables by metric and, over counts, its curves."""
+    """A part for every data set and protocol: a table for each metric, and curves over counts."""
     parts: dict[tuple[str, str], Part] = {}
     order = sorted(tables, key=lambda key: _METRICS.index(key[2]))
     for dataset, protocol, metric in order:
@@ -86,7 +86,7 @@ def _parts(tables: Mapping[tuple[str, str, str], Table], beginning: str) -> list
 
 
 def describe(protocol: str) -> str:
-    """A protocol's name in rows, in words.
+    """Description of a protocol's name in rows.
 
     "noise(0.01)/reconstruction/encoder" becomes "noise 1 %, reconstruction, encoder pass".
     """
@@ -114,7 +114,9 @@ def _pictures(folder: Path, rows: list[Row], datasets: Mapping[str, str]) -> lis
         for what, caption in captions.items():
             try:
                 image = examples.sheet(folder / "examples" / dataset, what, methods, up)
-            except InputError as error:  # a machine that cannot render still gets its numbers
+            except (
+                InputError
+            ) as error:  # the report of a machine that cannot render has its numbers
                 part.note = f"No pictures: {error}"
                 break
             if image is not None:
@@ -129,11 +131,11 @@ def _failures(rows: list[Row]) -> list[Part]:
     found = [[Cell(str(row[c])) for c in columns] for row in rows if row["metric"] == FAILURE]
     if not found:
         return []
-    return [Part(f"{len(found)} cells failed", [Grid([*columns[:-1], "reason"], found)])]
+    return [Part(f"{len(found)} measurements failed", [Grid([*columns[:-1], "reason"], found)])]
 
 
 def _flat(facts: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """The facts but for the command; of the studies only what tells them apart in a line each."""
+    """Facts as (name, value) without the command; a study is one line of what distinguishes it."""
     flat = [
         (name, facts[name]) for name in ("versions", "machine", "processes", "seconds", "seeds")
     ]

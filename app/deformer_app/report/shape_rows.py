@@ -1,4 +1,4 @@
-"""Picture rows of a report: one unseen shape, what each method makes of it, and where it errs."""
+"""Pictures of a report: an unseen shape, each method's estimate, and the distances between them."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ _SIZE = (300, 340)
 
 
 def sheet(folder: Path, what: str, methods: list[str], up: str) -> bytes | None:
-    """The true shape and every method's, and below them the errors, all from one camera, as WebP.
+    """Draw the true shape and every method's estimate, with the distances below, from one camera.
 
     Args:
-        folder: truth.ply and METHOD-WHAT.ply; methods without a file are left out.
+        folder: directory with truth.ply and METHOD-WHAT.ply; methods without a file are left out.
         what: "encoder" or "sparse_control".
-        methods: in the order of the pictures.
+        methods: names of methods, in the order of the pictures.
         up: axis that points up.
 
     Returns:
-        None if there is nothing to draw.
+        A WebP file; None if there is nothing to draw.
 
     Raises:
         InputError: the machine cannot render.
@@ -37,7 +37,7 @@ def sheet(folder: Path, what: str, methods: list[str], up: str) -> bytes | None:
     truth = load_mesh(folder / "truth.ply")
     shapes = {method: load_mesh(file) for method, file in files.items()}
     errors = {m: vertex_errors(truth.vertices, mesh.vertices) for m, mesh in shapes.items()}
-    # A method that went far astray shall not take the colours from all others.
+    # One method with large errors would otherwise flatten the colours of all others.
     limit = float(np.median([np.percentile(e, 99) for e in errors.values()])) * 1.5 or 1.0
     camera = aim(truth.vertices, up=up, aspect=_SIZE[0] / _SIZE[1], margin=0.14)
     above = [render(truth, camera, _SIZE), *(render(m, camera, _SIZE) for m in shapes.values())]
