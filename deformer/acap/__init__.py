@@ -1,4 +1,4 @@
-"""Rotation-aware features (ACAP): extraction, consistent rotations, and the way back to vertices.
+"""Rotation-aware features (ACAP): extraction, consistent rotations, Jacobians, reconstruction.
 
 The names that other packages may use are listed in `__init__.pyi`; each is loaded when it is
 first asked for.

@@ -4,14 +4,14 @@ The rotation about ω by θ has the logarithms (θ + 2πt) ω for every integer 
 of them per vertex so that neighbours agree, after Gao et al., "Sparse Data Driven Mesh
 Deformation" (arXiv 1709.01250), without their mixed-integer solver: logarithms grow from the least
 rotated vertex along the minimum spanning tree of the rotation differences of edges, and are then
-improved locally. A fold of many turns thus comes out as one ramp.
+improved locally. A twist of many turns thus becomes a ramp of angles.
 
-There is one obstacle that no choice of t removes. At a whole number of turns the rotation is the
-identity and the axis is lost: where a twist passes *beside* the identity (shear tilts its rotations
-by a little), exact logarithms swing between far ends of a sphere of radius 2πt. There the vertices
-are marked as `bridged` and take the harmonic interpolation of their surroundings: a continuous
-field that is not the exact logarithm. It happens only beyond one turn; `features` compensates for
-it in the stretch, so that the shape is still reconstructed.
+No choice of t gives a continuous field everywhere. At a whole number of turns the rotation is the
+identity and its axis is undefined: where a twist passes *near* the identity (shear tilts its
+rotations a little), exact logarithms jump between opposite points of a sphere of radius 2πt. The
+vertices there are `bridged`: they get the harmonic interpolation of their surroundings, a
+continuous field that is not the exact logarithm. This happens only beyond one turn; `features`
+compensates for it in the stretch, so that reconstruction still gives the shape.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from deformer.geometry import FloatArray, IntArray, log_, rotation_to_log
 
 # Neighbours whose logarithms differ by more than this (radians) are not continuous.
 MAX_EDGE_JUMP = 0.5 * math.pi
-# Within this angle of a whole turn (radians) the axis is taken from the surroundings at first.
+# Within this angle of a whole turn (radians) vertices are bridged at first.
 WHOLE_TURN_RADIUS = 0.5 * math.pi
 _TURN = 2.0 * math.pi
 
@@ -43,7 +43,7 @@ def _nearest_log_(principal, target, out):
         for d in range(3):
             out[d] = scale * principal[d]
         return
-    # The identity: its logarithms are spheres, any axis will do.
+    # The logarithms of the identity are spheres of radius 2πt: the axis is that of the target.
     length = math.sqrt(target[0] ** 2 + target[1] ** 2 + target[2] ** 2)
     turns = _TURN * np.rint(length / _TURN)
     for d in range(3):
@@ -84,10 +84,10 @@ def _near_whole_turn_(principal, r):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _continue_(R, indptr, rings, known, r, i, D, w, guess):
-    """Guess = logarithm at i continued from the known neighbours: their mean, turned further.
+    """Guess = logarithm at i continued from the known neighbours: their mean, rotated further.
 
-    Along their common axis the turn between neighbours adds up exactly; across it the logarithm
-    cannot follow near a whole turn, and the mean stands.
+    Along the mean's axis the rotation from the neighbours to i is added exactly. Across the axis
+    nothing is added, since the logarithm is not continuous there near a whole turn.
     """
     guess[:] = 0.0
     count = 0
@@ -128,7 +128,7 @@ def _grow_(R, principal, indptr, rings, roots, r, bridged):
             else:
                 _continue_(R, indptr, rings, reached, r, j, D, w, guess)
             reached[j] = True
-            # Near a whole turn the turn is followed about the axis with which it was entered.
+            # Near a whole turn the rotation continues about the axis of the neighbours.
             bridged[j] = j != root and _near_whole_turn_(principal[j], guess)
             if bridged[j]:
                 r[j] = guess
@@ -172,7 +172,7 @@ def _refine_(principal, indptr, rings, bridged, r, sweeps):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _interpolate_(R, indptr, rings, bridged, r, sweeps):
-    """Fill the bridged vertices: each continues all its neighbours (Gauss–Seidel, both ways)."""
+    """Continue all neighbours at each bridged vertex (symmetric Gauss–Seidel sweeps)."""
     D = np.empty((3, 3))
     w = np.empty(3)
     guess = np.empty(3)
@@ -190,8 +190,8 @@ def _interpolate_(R, indptr, rings, bridged, r, sweeps):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _release_(principal, bridged, r):
-    """Return bridged vertices to the exact logarithm where that is next to the interpolation."""
+def _restore_exact_(principal, bridged, r):
+    """Give bridged vertices their exact logarithm again if it is close to the interpolation."""
     exact = np.empty(3)
     for i in range(len(r)):
         if bridged[i]:
@@ -202,9 +202,9 @@ def _release_(principal, bridged, r):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _mend_(indptr, rings, bridged, r):
-    """Bridge the ends of edges that still jump beyond a turn; true if there were any."""
-    torn = False
+def _bridge_jumps_(indptr, rings, bridged, r):
+    """Bridge vertices beyond 3/4 turn with a discontinuous edge; true if there were any."""
+    found = False
     for i in range(len(r)):
         length2 = r[i, 0] ** 2 + r[i, 1] ** 2 + r[i, 2] ** 2
         if bridged[i] or length2 < (1.5 * math.pi) ** 2:
@@ -212,9 +212,9 @@ def _mend_(indptr, rings, bridged, r):
         for k in range(indptr[i], indptr[i + 1]):
             if _distance2_(r[i], r[rings[k]]) > MAX_EDGE_JUMP**2:
                 bridged[i] = True
-                torn = True
+                found = True
                 break
-    return torn
+    return found
 
 
 def continuous_logs(
@@ -223,7 +223,7 @@ def continuous_logs(
     """Rotation vectors of R, chosen so that they are continuous over the edges of a mesh.
 
     A rotation about ω by θ is also one about ω by θ + 2πt, and about −ω by −θ + 2πt (Tan et al.
-    2018, rotation angles and axes). Chosen is a sign o_i and a number of turns t_i, such that
+    2018, rotation angles and axes). A sign o_i and a number of turns t_i are chosen such that
 
     - Σ_(i,j)∈E o_i o_j s(ω_i · ω_j) is large (Gao et al. 2019, objective 1), s the sign, 0 where
       the axes are nearly perpendicular or one of the angles is small, and
@@ -232,16 +232,16 @@ def continuous_logs(
     Args:
         R: (V, 3, 3) rotations at the vertices.
         indptr: (V+1,) row starts of the one-rings.
-        rings: (2E,) neighbours, as `mesh.one_rings` gives them.
+        rings: (2E,) neighbours, as `deformer.geometry.one_rings` returns them.
         labels: (V,) connected component of every vertex; each is treated on its own.
 
     Returns:
-        r (V, 3), radians, and bridged (V,), true where r is interpolated and exp(r) ≠ R.
-        The root of a component is its least rotated vertex (the first within 0.1 rad); it keeps
-        its principal logarithm.
+        r (V, 3), radians, and bridged (V,) bool, true where r is interpolated and exp(r) ≠ R.
+        The least rotated vertex of a component (the first within 0.1 rad), where its logarithms
+        start, has its principal logarithm.
     """
     principal = rotation_to_log(R)
-    # Principal logarithms without a jump are already the answer (most shapes): no tree needed.
+    # Most shapes: principal logarithms without a jump are already continuous.
     if _largest_jump_(principal, indptr, rings) < MAX_EDGE_JUMP:
         return principal, np.zeros(len(R), dtype=bool)
     angle = np.linalg.norm(principal, axis=1)
@@ -254,10 +254,10 @@ def continuous_logs(
     bridged = np.zeros(len(R), dtype=bool)
     _grow_(R, principal, indptr, rings, roots, r, bridged)
     _interpolate_(R, indptr, rings, bridged, r, 30)
-    _release_(principal, bridged, r)
+    _restore_exact_(principal, bridged, r)
     _refine_(principal, indptr, rings, bridged, r, 50)
     for _ in range(20):
-        if not _mend_(indptr, rings, bridged, r):
+        if not _bridge_jumps_(indptr, rings, bridged, r):
             break
         _interpolate_(R, indptr, rings, bridged, r, 30)
     return r, bridged

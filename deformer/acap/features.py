@@ -1,9 +1,8 @@
-"""ACAP features: what each vertex's neighbourhood did to get from the reference to a shape.
+"""ACAP features: rotation and stretch of each vertex's neighbourhood against the reference.
 
 The deformation gradient of a vertex is split into rotation and stretch, T = R S; the feature is
 the rotation vector (continuous over the mesh, see `consistent_rotations`) and the upper triangle
-of S.
-After Gao et al., "Sparse Data Driven Mesh Deformation" (arXiv 1709.01250).
+of S, after Gao et al., "Sparse Data Driven Mesh Deformation" (arXiv 1709.01250).
 """
 
 from __future__ import annotations
@@ -40,11 +39,11 @@ Progress = Callable[[int, int], None]
 STRETCH_ROWS = np.array([0, 0, 0, 1, 1, 2])
 STRETCH_COLUMNS = np.array([0, 1, 2, 1, 2, 2])
 
-# Weight of "normal goes to normal" beside the edges of a one-ring. Flat rings need it; without it
-# nearly flat ones put noise into the stretch along the normal.
+# Weight of the equation T n = n' for the vertex normals, relative to the edges of a one-ring. Flat
+# rings need it, and it keeps noise from the stretch of nearly flat ones along the normal.
 _NORMAL_WEIGHT = 0.05
-# Relative difference of b(T) and L p that counts as none.
-_MISFIT = 1e-10
+# Relative difference of b(T) and L p that counts as zero.
+_TOLERANCE = 1e-10
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -70,7 +69,12 @@ def _vertex_normals(p, faces, out):
 
 
 def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """Area-weighted unit normals (V, 3) of a mesh; zero where no face says which way."""
+    """Area-weighted unit normals (V, 3) of a mesh; zero for a vertex without faces with area.
+
+    Args:
+        vertices: (V, 3).
+        faces: (F, 3) int64.
+    """
     p = np.ascontiguousarray(vertices, dtype=np.float64)
     normals = np.empty_like(p)
     _vertex_normals(p, faces, normals)
@@ -83,8 +87,8 @@ def _gradients(v, p, indptr, rings, c, normals, new_normals, inverse, ridge, wei
 
     Normal equations T M = Σ c p_e v_eᵀ + weight n' nᵀ + ridge R, one 3×3 system a vertex.
 
-    Here R is the rotation closest to the right-hand side without the ridge, so that a rigid
-    motion of any ring, flat or collapsed to a line, gives exactly that motion's rotation.
+    R is the rotation closest to the right-hand side without the ridge, so that a rigid motion of
+    any ring, even one that is flat or collapsed to a line, gives exactly its rotation.
     """
     B = np.empty((3, 3))
     R = np.empty((3, 3))
@@ -150,7 +154,11 @@ def _to_gradients(start, stop, q, T):
 
 
 def features_to_gradients(q: ArrayLike) -> FloatArray:
-    """Deformation gradients T = exp(r) S, (..., 3, 3), of features (..., 9)."""
+    """Deformation gradients T = exp(r) S, (..., 3, 3), of features q (..., 9).
+
+    Raises:
+        InputError: the last dimension is not 9.
+    """
     features = np.ascontiguousarray(q, dtype=np.float64)
     if features.shape[-1] != 9:
         raise InputError(f"features: expected (..., 9), got {features.shape}")
@@ -161,7 +169,7 @@ def features_to_gradients(q: ArrayLike) -> FloatArray:
 
 
 class FeatureExtractor:
-    """Features of shapes against one reference: set up once, extract many.
+    """Extracts features of shapes against one reference.
 
     Args:
         reference: the undeformed mesh. Its cotangent weights (clamped, see
@@ -183,12 +191,12 @@ class FeatureExtractor:
         M = np.zeros((V, 3, 3))
         np.add.at(M, rows, self.weights.data[:, None, None] * e[:, :, None] * e[:, None, :])
         trace = np.trace(M, axis1=1, axis2=2)
-        # A vertex without an edge of any length says nothing: T is then the identity.
+        # A vertex whose edges have no length gets the identity as T.
         scale = np.where(trace > 0, trace, 1.0)
         self._normal_weight = _NORMAL_WEIGHT * scale
         self._ridge = 1e-9 * scale
         M += self._normal_weight[:, None, None] * self._normals[:, :, None] * self._normals[:, None]
-        # The ridge weighs in only on directions that neither edges nor normal determine.
+        # A larger ridge only where neither edges nor normal determine a direction.
         smallest = np.linalg.eigvalsh(M)[:, 0]
         self._ridge = np.where(smallest > 1e-6 * scale, self._ridge, 1e-3 * scale)
         M += self._ridge[:, None, None] * np.eye(3)
@@ -204,13 +212,16 @@ class FeatureExtractor:
         """Deformation gradients T (V, 3, 3) from the reference to `vertices` (V, 3).
 
         T_i = argmin Σ_j c_ij ‖(p_i − p_j) − T (v_i − v_j)‖² over the one-ring (Tan et al. 2018,
-        deformation gradient). A flat ring leaves
-        T open along the normal; there the reference's unit normal goes to the shape's. A ring
-        collapsed to a line or a point falls back on the closest rotation.
+        deformation gradient). A flat ring does not determine T along the normal; T then maps the
+        reference's unit normal to the shape's. For a ring collapsed to a line or a point T is the
+        closest rotation.
 
-        Reconstruction sees T only through b(T) (see `poisson`), and the fit leaves b(T) a little
-        off L p. The smallest change of T (in the sum of squares) that makes b(T) = L p is added,
-        so that features hold the shape exactly.
+        Reconstruction depends on T only through b(T) (see `poisson`), and for the fitted T b(T)
+        differs slightly from L p. The least-squares change of T that makes b(T) = L p is added, so
+        that features represent the shape exactly.
+
+        Raises:
+            InputError: the shape of the array is not the reference's.
         """
         p = np.ascontiguousarray(vertices, dtype=np.float64)
         v = self.reference.vertices
@@ -236,16 +247,20 @@ class FeatureExtractor:
             T,
         )
         goal = self._laplacian @ p
-        # Once, and once more where the Gram matrix is so near singular that the solve is not exact.
+        # A second time only if the solve was not exact: the Gram matrix may be nearly singular.
         for _ in range(2):
             misfit = goal - self._rhs_matrix @ _columns(T)
-            if np.abs(misfit).max() <= _MISFIT * np.abs(goal).max():
+            if np.abs(misfit).max() <= _TOLERANCE * np.abs(goal).max():
                 break
             T += _from_columns(self._rhs_matrix.T @ self._gram.solve(misfit))
         return T
 
     def extract(self, vertices: ArrayLike) -> FloatArray:
-        """Features (V, 9) of one shape (V, 3): rotation vector, then xx xy xz yy yz zz of S."""
+        """Features (V, 9) of one shape (V, 3): rotation vector, then xx xy xz yy yz zz of S.
+
+        Raises:
+            InputError: the shape of the array is not the reference's.
+        """
         T = self.gradients(vertices)
         # T = R S by polar decomposition (Tan et al. 2018, section 3).
         R = closest_rotations(T)
@@ -261,13 +276,15 @@ class FeatureExtractor:
         return q
 
     def _compensate(self, q: FloatArray, T: FloatArray, vertices: np.ndarray) -> None:
-        """Change the stretch around `vertices` (in place, least squares) to leave b(T) as it is."""
-        # Their neighbours give way, too: at the rim there are more equations than unknowns.
-        around = np.zeros(len(q), dtype=bool)
-        around[vertices] = True
+        """Change the stretch in q around `vertices`, by least squares, until b(T) is that of T."""
+        # Two rings of neighbours change, too: b is to be met there, and the `vertices` alone have
+        # fewer unknowns than equations.
+        changed = np.zeros(len(q), dtype=bool)
+        changed[vertices] = True
         for _ in range(2):
-            around |= np.bincount(self.rings, np.repeat(around, np.diff(self.indptr)), len(q)) > 0
-        vertices = np.flatnonzero(around)
+            neighbours = np.repeat(changed, np.diff(self.indptr))
+            changed |= np.bincount(self.rings, neighbours, len(q)) > 0
+        vertices = np.flatnonzero(changed)
         R = log_to_rotation(q[vertices, :3])
         misfit = self._rhs_matrix @ _columns(T - features_to_gradients(q))
         basis = np.zeros((6, 3, 3))
@@ -312,7 +329,10 @@ def extract_features(
 
     Returns:
         q (N, V, 9): rotation vector in radians (3), then stretch xx xy xz yy yz zz (6). Memory
-        beyond the result is that of a few shapes.
+        beside the result is that of a few shapes.
+
+    Raises:
+        InputError: no shape `reference`.
     """
     extractor = FeatureExtractor(shapes.mesh(reference))
     return extract_all(extractor, shapes.vertices, progress)
@@ -321,7 +341,13 @@ def extract_features(
 def extract_all(
     extractor: FeatureExtractor, vertices: FloatArray, progress: Progress | None = None
 ) -> FloatArray:
-    """Features (N, V, 9) of `vertices` (N, V, 3), shapes side by side on all cores."""
+    """Features (N, V, 9) of shapes, in parallel on all cores.
+
+    Args:
+        extractor: of features against the reference.
+        vertices: (N, V, 3) the shapes.
+        progress: called with (done, total) after each shape.
+    """
     q = np.empty((*vertices.shape[:2], 9))
 
     def extract(index: int) -> None:

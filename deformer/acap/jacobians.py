@@ -1,8 +1,10 @@
-"""T = exp(r) S and its derivatives, contracted with what stands on either side of it.
+"""Handle positions as functions of features and latent codes, and their derivatives.
 
-Handle positions are linear in the deformation gradients, p_h = Σ_i T_i a_h,i with the coefficients
-a of `PoissonSystem.position_coefficients`. Positions and their gradients with respect to the
-features therefore need one pass over the vertices and no linear solve.
+They contract T = exp(r) S and its derivative with the coefficients of the positions on one side,
+and with the decoder's derivative on the other. Handle positions are linear in the deformation
+gradients, p_h = Σ_i T_i a_h,i with the coefficients a of `PoissonSystem.position_coefficients`.
+Positions and their gradients with respect to the features therefore need one pass over the vertices
+and no linear solve.
 """
 
 from __future__ import annotations
@@ -15,15 +17,15 @@ from deformer.acap.features import features_to_gradients
 from deformer.geometry import FloatArray, exp_, right_jacobian_
 from deformer.linalg import over_ranges, scratch
 
-# Vertices whose tangents are there at once: their memory must not grow with the mesh.
-_PORTION = 8192
-# Place of S_ab among the six stored entries xx xy xz yy yz zz.
+# Vertices whose tangents are in memory at once: the memory must not grow with the mesh.
+_VERTEX_BATCH = 8192
+# Index of S_ab among the six stored entries xx xy xz yy yz zz.
 _ENTRY = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def gradient_derivative_(q, R, J, D):
-    """D (9, 3, 3) = ∂T/∂q_m of T = exp(r) S at a feature q (9,) = (r, S); R and J are memory.
+    """D (9, 3, 3) = ∂T/∂q_m of T = exp(r) S at a feature q (9,) = (r, S); R and J (3, 3) are spare.
 
     The one double-precision version. exp(r + δ) = exp(r) exp(J δ) to first order, so that
     ∂T/∂r_m = R [J_m]× S with column m of the right Jacobian J, and ∂T/∂s_m = R ∂S/∂s_m.
@@ -97,13 +99,18 @@ def _tangents(q, dq, dT):
 
 
 def positions_from_features(q: FloatArray, coefficients: FloatArray) -> FloatArray:
-    """Sums Σ_i T_i(q_i) a_h,i (H, 3) for features q (V, 9) and coefficients (H, V, 3)."""
+    """Sums Σ_i T_i(q_i) a_h,i (H, 3) for features q (V, 9) and coefficients a (H, V, 3)."""
     T = features_to_gradients(q).transpose(0, 2, 1).reshape(-1, 3)
     return coefficients.reshape(len(coefficients), len(T)) @ T
 
 
 def position_sensitivities(q: FloatArray, coefficients: FloatArray) -> FloatArray:
-    """Gradient (H, 3, V, 9) of `positions_from_features` with respect to the features q (V, 9)."""
+    """Gradient (H, 3, V, 9) of `positions_from_features` with respect to the features.
+
+    Args:
+        q: (V, 9) features.
+        coefficients: a (H, V, 3).
+    """
     g = np.empty((3 * len(coefficients), 9 * len(q)))
     _sensitivities(np.ascontiguousarray(q), coefficients, g)
     return g.reshape(len(coefficients), 3, len(q), 9)
@@ -112,18 +119,18 @@ def position_sensitivities(q: FloatArray, coefficients: FloatArray) -> FloatArra
 def position_jacobian(
     q: FloatArray, slope: FloatArray, matrix: NDArray, coefficients: NDArray
 ) -> FloatArray:
-    """Derivative (H, 3, K) of Σ_i T_i(z) a_h,i where features are q_i = f(M_i z + base).
+    """Derivative (H, 3, K) of Σ_i T_i(z) a_h,i for features q_i = f(M_i z + base).
 
     Args:
         q: (n, 9) features.
-        slope: (n, 9) derivative of f there.
-        matrix: M (n, 9, K), single precision.
-        coefficients: (H, n, 3), single precision.
+        slope: (n, 9) derivative of f at these features.
+        matrix: M (n, 9, K) float32.
+        coefficients: a (H, n, 3) float32.
     """
     n, _, K = matrix.shape
     J = np.zeros((len(coefficients), 3 * K))
-    for start in range(0, n, _PORTION):
-        part = slice(start, min(start + _PORTION, n))
+    for start in range(0, n, _VERTEX_BATCH):
+        part = slice(start, min(start + _VERTEX_BATCH, n))
         size = part.stop - start
         tangents = scratch("tangents", (3 * size, 3 * K))
         layer = q[part], slope[part], matrix[part]

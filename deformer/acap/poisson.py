@@ -23,9 +23,9 @@ from deformer.geometry import (
 )
 from deformer.linalg import SparseCholesky, over_ranges
 
-# Tension beside bending, over the reference's area: bends die away within a tenth of its size.
+# Tension α of the thin plate, times the reference's area: bends decay within a tenth of its size.
 _TENSION = 100.0
-# Shapes reconstructed at once: a multiple of three right-hand sides, bounded memory.
+# Shapes reconstructed at once: bounds memory.
 _BATCH = 40
 
 
@@ -52,12 +52,13 @@ class PoissonSystem:
     Gao et al. 2019, reconstruction.
 
     The normal equations are L p = b(T), b_i = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j). The Laplacian L
-    depends on the reference alone and is factored here, once.
+    depends on the reference alone and is factored once, here.
 
-    Translation is free: one vertex, the `anchor`, is held while solving, and solutions are moved
-    so that their centroid is the reference's. A mesh of several connected components gets one
-    extra edge from each smaller component to the nearest vertex of the largest; it has no
-    influence on any component's shape and carries it along, as an eye is carried by its head.
+    The equations leave the translation free: one vertex, the `anchor`, is fixed for the solve, and
+    solutions are moved so that their centroid is the reference's. A mesh of several connected
+    components gets one extra edge from each smaller component to the nearest vertex of the largest
+    one. The edge does not change the component's shape; it makes the component move with the
+    largest one, as an eye with its head.
 
     Args:
         reference: the undeformed mesh.
@@ -81,18 +82,18 @@ class PoissonSystem:
         self.rings = weights.indices.astype(np.int64)
         self.c = weights.data
         self.laplacian = graph_laplacian(weights)
-        # Fixing the anchor softly keeps all V rows; since every b sums to zero the solution does
-        # not feel the value of the stiffness, only its scale must fit L's.
+        # A stiffness at the anchor keeps all V rows. Since every b sums to zero, the solution does
+        # not depend on its value; a value of L's scale keeps the matrix well conditioned.
         self.anchor = 0
         stiffness = self.laplacian.diagonal().mean()
         ground = sparse.coo_array(([stiffness], ([self.anchor], [self.anchor])), shape=(V, V))
         self.factor = SparseCholesky(self.laplacian + ground, v)
         self.centroid = v.mean(axis=0)
-        # Of the grounded system for 1/V everywhere, a part of every Green row.
-        self._level = self.back_substitute(np.full((V, 1), 1.0 / V))[:, 0]
+        # Solution of the grounded system for 1/V everywhere, a part of every Green's function.
+        self._constant_solution = self.back_substitute(np.full((V, 1), 1.0 / V))[:, 0]
 
     def back_substitute(self, b: ArrayLike) -> FloatArray:
-        """Solution (V, m) of the grounded system for right-hand sides (V, m), not centred."""
+        """Solutions (V, m) of the grounded system for right-hand sides b (V, m), not centred."""
         return self.factor.solve(np.asarray(b, dtype=np.float64))
 
     def rhs(self, T: ArrayLike) -> FloatArray:
@@ -113,7 +114,11 @@ class PoissonSystem:
         return p + (self.centroid - p.mean(axis=0))
 
     def reconstruct(self, q: ArrayLike) -> FloatArray:
-        """Vertices (..., V, 3) of features (..., V, 9), centroids at the reference's."""
+        """Vertices (..., V, 3) of features q (..., V, 9), centroids at the reference's.
+
+        Raises:
+            InputError: another shape of the array.
+        """
         features = np.asarray(q, dtype=np.float64)
         V = len(self.reference.vertices)
         if features.shape[-2:] != (V, 9):
@@ -128,27 +133,26 @@ class PoissonSystem:
         return p.reshape(*features.shape[:-1], 3)
 
     def green_rows(self, vertices: ArrayLike) -> FloatArray:
-        """Green's functions (H, V): p_h = centroid + G_h · b(T) for the centred solution.
+        """Green's functions (H, V) of vertices (H,): p_h = centroid + G_h · b(T).
 
-        G_h solves L G = e_h − 1/V. One back-substitution for all of them; that of the constant is
-        kept.
+        p is the solution with the centroid at the reference's; G_h solves L G = e_h − 1/V.
         """
         index = np.asarray(vertices, dtype=np.int64)
         b = np.zeros((len(self.reference.vertices), len(index)))
         b[index, np.arange(len(index))] = 1.0
-        G = self.back_substitute(b).T - self._level
+        G = self.back_substitute(b).T - self._constant_solution
         G -= G.mean(axis=1, keepdims=True)
         return np.ascontiguousarray(G)
 
     @cached_property
-    def tensed(self) -> SparseCholesky:
-        """The factor of L + α A, with the areas A of the vertices on a diagonal."""
+    def screened_factor(self) -> SparseCholesky:
+        """Factor of L + α A, where A is the diagonal matrix of the vertices' areas."""
         v, faces = self.reference.vertices, self.reference.faces
         a, b, c = (v[faces[:, k]] for k in range(3))
         thirds = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
         areas = np.bincount(faces.ravel(), np.repeat(thirds, 3), len(v))
         total = float(areas.sum())
-        # A vertex of slivers only still has a weight.
+        # A vertex of slivers alone needs a positive weight, too.
         areas = np.maximum(areas, 1e-6 * (total or 1.0) / len(v))
         screen = sparse.diags_array(_TENSION * areas / (total or 1.0))
         return SparseCholesky(self.laplacian + screen, v, self.factor.plan)
@@ -156,19 +160,19 @@ class PoissonSystem:
     def bending_rows(self, vertices: ArrayLike, green: FloatArray) -> FloatArray:
         """Green's functions (H, V) of a thin plate under tension, K = L A⁻¹ L / α + L.
 
-        They are those of L without those of L + α A, and smooth where these two have a spike.
+        K⁻¹ = L⁻¹ − (L + α A)⁻¹: each term has a spike at its vertex, the difference is smooth.
 
         Args:
-            vertices: (H,).
-            green: (H, V) their rows by `green_rows`.
+            vertices: (H,) int64.
+            green: (H, V) the vertices' `green_rows`.
         """
         index = np.asarray(vertices, dtype=np.int64)
         unit = np.zeros((len(self.reference.vertices), len(index)))
         unit[index, np.arange(len(index))] = 1.0
-        return np.ascontiguousarray(green - self.tensed.solve(unit).T)
+        return np.ascontiguousarray(green - self.screened_factor.solve(unit).T)
 
     def position_coefficients(self, green: FloatArray) -> FloatArray:
-        """Coefficients a (H, V, 3) with G_h · b(T) = Σ_i T_i a_h,i, of Green rows G (H, V)."""
+        """Coefficients a (H, V, 3) with G_h · b(T) = Σ_i T_i a_h,i, of `green` (H, V)."""
         out = np.empty((*green.shape, 3))
         mesh = self.indptr, self.rings, self.c, self.reference.vertices
         for row, coefficients in zip(green, out, strict=True):
@@ -177,11 +181,19 @@ class PoissonSystem:
 
 
 def reconstruct(shapes: MeshSequence, q: ArrayLike, reference: int = 0) -> FloatArray:
-    """Vertices (N, V, 3) of features q (N, V, 9) taken against shape `reference` of `shapes`.
+    """Vertices (N, V, 3) of features against one of the shapes.
 
-    Features hold no translation. Where q has one entry a shape, every connected component is moved
-    so that its centroid is that of the input shape; otherwise the shape's centroid is the
-    reference's.
+    Features contain no translation. If q has as many entries as there are shapes, every connected
+    component is moved so that its centroid is that of the input shape; otherwise the centroid of
+    the whole shape is the reference's.
+
+    Args:
+        shapes: shapes of V vertices.
+        q: (N, V, 9) features.
+        reference: index of the undeformed shape, against which the features were extracted.
+
+    Raises:
+        InputError: another shape of the array, or no shape `reference`.
     """
     system = PoissonSystem(shapes.mesh(reference))
     p = system.reconstruct(q)

@@ -16,8 +16,8 @@ class FeatureScaler:
     Tan et al. 2018, feature scaling.
 
     Args:
-        r_min, r_max: range of all entries of the rotation vectors, radians.
-        s_min, s_max: range of all entries of the stretch.
+        r_min, r_max: least and greatest entry of the rotation vectors, radians.
+        s_min, s_max: least and greatest entry of the stretches.
     """
 
     r_min: float
@@ -29,7 +29,7 @@ class FeatureScaler:
 
     @classmethod
     def fit(cls, q: FloatArray) -> FeatureScaler:
-        """Ranges of features (..., 9); a range without extent is widened to hold its value."""
+        """Scaler for the range of features q (..., 9); if all are equal, they are scaled to 0."""
         r_min, r_max = float(q[..., :3].min()), float(q[..., :3].max())
         s_min, s_max = float(q[..., 3:].min()), float(q[..., 3:].max())
         if r_max - r_min < 1e-9:
@@ -53,9 +53,9 @@ class FeatureScaler:
         return np.array([r] * 3 + [s] * 6)
 
     def scale(self, q: FloatArray) -> FloatArray:
-        """Features (..., 9) to [−0.95, 0.95]; values outside the fitted range go beyond it."""
+        """Scaled features of q (..., 9), in [−0.95, 0.95] for values in the fitted range."""
         return (q - self.offset) / self.gain
 
     def unscale(self, x: FloatArray) -> FloatArray:
-        """Inverse of `scale`."""
+        """Features of scaled features x (..., 9), the inverse of `scale`."""
         return x * self.gain + self.offset

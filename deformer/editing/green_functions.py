@@ -47,7 +47,7 @@ class HandleBasis:
         """Factor the Laplacian, choose landmarks; there are no handles yet."""
         self.model = model
         # Factored now, and not when the first handle is made exact.
-        _ = model.poisson.tensed
+        _ = model.poisson.screened_factor
         self.surface = DecodedSurface(model.decoder, model.poisson)
         landmarks, labels = choose_landmarks(
             model.decoder, model.prior.factor, model.reference.vertices, _LANDMARKS
