@@ -174,9 +174,9 @@ class DecodedSurface:
         return green[self._factor.order].astype(np.float32)
 
     @property
-    def place(self) -> IntArray:
+    def inverse_order(self) -> IntArray:
         """Index of each vertex (V,) in the order of elimination."""
-        return self._factor.place
+        return self._factor.inverse_order
 
     def reset(self) -> None:
         """Set all rotations to the identity."""
@@ -245,7 +245,7 @@ class DecodedSurface:
             push, shift = np.zeros((0, 3)), -self._x.mean(axis=0, dtype=np.float64)
         else:
             misfit = np.zeros((H + 1, 3))
-            misfit[:H] = targets / self._unit - self._x[self._factor.place[self._exact]]
+            misfit[:H] = targets / self._unit - self._x[self._factor.inverse_order[self._exact]]
             solution = self._exact_inverse @ misfit
             push, shift = solution[:H], solution[H]
         change = self._green, push.astype(np.float32), shift.astype(np.float32)
@@ -286,7 +286,7 @@ class DecodedSurface:
         if self._decoder.pointwise:
             arrays += [self._matrix, self._scale]
         out = 8 * 3 * len(self._x)
-        return sum(a.nbytes for a in arrays) + self._factor.bytes_of_a_solve + out
+        return sum(a.nbytes for a in arrays) + self._factor.bytes_per_solve + out
 
 
 def _changed(before: IntArray, now: IntArray) -> list[int]:

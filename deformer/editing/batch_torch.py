@@ -183,8 +183,8 @@ class _Factor:
     """The blocks of `SparseCholesky`, solved with for many columns."""
 
     def __init__(self, factor: SparseCholesky, device: torch.device) -> None:
-        self._order, self._place = (
-            torch.as_tensor(array, device=device) for array in (factor.order, factor.place)
+        self._order, self._inverse_order = (
+            torch.as_tensor(array, device=device) for array in (factor.order, factor.inverse_order)
         )
         self._nodes = [
             (
@@ -205,7 +205,7 @@ class _Factor:
                 x.index_add_(0, rows, block[last - first :] @ x[first:last])
         for first, last, rows, block in reversed(self._nodes):
             x[first:last] = block.T @ torch.cat([x[first:last], x[rows]])
-        return x[self._place].reshape(V, m, 3).permute(1, 0, 2)
+        return x[self._inverse_order].reshape(V, m, 3).permute(1, 0, 2)
 
 
 def rhs(T: Tensor, start: Tensor, end: Tensor, edges: Tensor) -> Tensor:

@@ -53,7 +53,7 @@ class HandleBasis:
             model.decoder, model.prior.factor, model.reference.vertices, _LANDMARKS
         )
         # Landmarks that are neighbours in space have most components in common.
-        order = np.argsort(self.surface.place[landmarks])
+        order = np.argsort(self.surface.inverse_order[landmarks])
         landmarks, labels = landmarks[order], np.argsort(order)[labels]
         self._grouping = Grouping(labels, len(landmarks))
         self.landmark_decoder = model.decoder_at(landmarks)

@@ -18,7 +18,7 @@ def resolve_device(device: str) -> torch.device:
             this machine has.
 
     Raises:
-        InputError: another name, or a device that this machine has not.
+        InputError: another name, or a device that this machine does not have.
     """
     import torch  # takes seconds; most programs never need it
 
@@ -28,7 +28,7 @@ def resolve_device(device: str) -> torch.device:
         "cpu": True,
     }
     if device == "auto":
-        return torch.device(next(name for name, there in available.items() if there))
+        return torch.device(next(name for name, usable in available.items() if usable))
     if device.split(":")[0] not in available:
         raise InputError(f"device: expected cpu, cuda, mps or auto, got {device!r}")
     if not available[device.split(":")[0]]:

@@ -1,8 +1,8 @@
 """Levenberg–Marquardt: damped Gauss–Newton descent of a sum of squares.
 
-A problem says its energy, its damped step and where a step leads; this loop chooses the damping and
-ends the descent (Levenberg 1944; Marquardt 1963; the damping's schedule as in Madsen, Nielsen and
-Tingleff, Methods for Non-Linear Least Squares Problems, 2004, section 3.2).
+A problem provides its energy, its damped step, and the point that a step leads to; the loop chooses
+the damping and ends the descent (Levenberg 1944; Marquardt 1963; the damping's schedule as in
+Madsen, Nielsen and Tingleff, Methods for Non-Linear Least Squares Problems, 2004, section 3.2).
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import numpy as np
 
 from deformer.geometry import FloatArray
 
-# A step that leads up is tried again at this share of its length.
-_SHORTER = 0.4
+# A step that raises the energy is tried again at this share of its length.
+_SHORTENING = 0.4
 
 
 class Point(Protocol):
-    """Unknowns, with the energy there. Immutable: a step leads to another point."""
+    """Values of the unknowns, with their energy; a step leads to another point."""
 
     @property
     def energy(self) -> float:
@@ -30,7 +30,8 @@ class Point(Protocol):
     def step(self, damping: float) -> FloatArray:
         """Damped Gauss–Newton step, to be added to the unknowns: (JᵀJ + damping D)⁻¹ (−Jᵀr).
 
-        Called again with more damping when a step led up; a point keeps its normal matrix.
+        It is called again with more damping if a step raised the energy: a point should cache its
+        normal matrix.
         """
         ...
 
@@ -47,11 +48,11 @@ class Damping:
     """Schedule of the damping, relative to the diagonal of the normal matrix.
 
     Args:
-        initial: of the first step.
-        up: factor after a step that led up.
-        down: divisor after a step that led down.
+        initial: damping of the first step.
+        up: factor after a step that raised the energy.
+        down: divisor after a step that lowered it.
         floor: least damping after a step.
-        ceiling: more than this ends the descent.
+        ceiling: greatest damping; the descent ends when it is exceeded.
     """
 
     initial: float = 1e-3
@@ -66,8 +67,8 @@ class Descent(Generic[P]):
     """The end of a descent.
 
     Args:
-        point: the last one, of the least energy.
-        steps: taken.
+        point: the last point, with the least energy.
+        steps: number of steps taken.
     """
 
     point: P
@@ -75,7 +76,13 @@ class Descent(Generic[P]):
 
 
 def damped_step(H: FloatArray, gradient: FloatArray, damping: float) -> FloatArray:
-    """Step (n,) that solves (H + damping · diag H) step = −gradient for a dense H (n, n)."""
+    """Step (n,) that solves (H + damping · diag H) step = −gradient.
+
+    Args:
+        H: (n, n) dense normal matrix.
+        gradient: (n,).
+        damping: relative to the diagonal of H.
+    """
     step = np.linalg.solve(H + damping * np.diag(np.diag(H)), -gradient)
     return np.asarray(step, dtype=np.float64)
 
@@ -93,20 +100,20 @@ def descend(
 ) -> Descent[P]:
     """Follow damped Gauss–Newton steps; the energy never rises.
 
-    The descent ends after `steps`, after a step that gains at most `relative_gain` of the energy
-    that is left plus `absolute_gain`, or when the damping passes its ceiling.
+    The descent ends after `steps` steps, after a step that lowers the energy E by at most
+    `relative_gain` · E + `absolute_gain`, or when the damping exceeds its ceiling.
 
     Args:
-        point: where to start.
-        steps: most steps.
-        relative_gain: of a step that ends the descent.
-        absolute_gain: of a step that ends the descent.
-        damping: its schedule; None is `Damping()`.
-        negligible: an energy that counts as none.
-        shortenings: how often a step that leads up is shortened before more damping is tried:
-            where a step costs a factorisation, and an energy little.
-        is_last: True for a step that promises so little that the descent ends with it, whether
-            it leads down (and is taken) or up (and is not).
+        point: the start.
+        steps: greatest number of steps.
+        relative_gain: the descent ends after a step that gains at most this share of the energy,
+        absolute_gain: and this amount.
+        damping: schedule of the damping; None is `Damping()`.
+        negligible: the descent ends at an energy of at most this.
+        shortenings: how often a step that raises the energy is shortened before more damping is
+            tried. Useful if a step costs a factorisation and an energy costs little.
+        is_last: true for a (point, step) with so little to gain that the descent ends with it,
+            whether it lowers the energy (and is taken) or raises it (and is not).
 
     Returns:
         The last point, and the number of steps taken.
@@ -119,14 +126,14 @@ def descend(
         while True:
             step = point.step(factor)
             last = is_last is not None and is_last(point, step)
-            there, share = _lower(point, step, shortenings)
-            if there is not None:
+            lower, share = _lower_point(point, step, shortenings)
+            if lower is not None:
                 break
             factor *= damping.up
             if last or factor > damping.ceiling:
                 return Descent(point, count)
-        gain = point.energy - there.energy
-        point = there
+        gain = point.energy - lower.energy
+        point = lower
         if share < 1.0:
             factor *= damping.down
             continue
@@ -136,13 +143,13 @@ def descend(
     return Descent(point, steps)
 
 
-def _lower(point: P, step: FloatArray, shortenings: int) -> tuple[P | None, float]:
-    """The first point along a step, made shorter and shorter, that is not above; and its share."""
+def _lower_point(point: P, step: FloatArray, shortenings: int) -> tuple[P | None, float]:
+    """The point after a step, shortened until the energy is no higher; and the step's share."""
     share = 1.0
     for _ in range(1 + shortenings):
-        there: P = point.moved(share * step)
-        # Written so that an energy that is not a number counts as a rise.
-        if there.energy <= point.energy:
-            return there, share
-        share *= _SHORTER
+        candidate: P = point.moved(share * step)
+        # An energy of NaN counts as a rise: no comparison with it is true.
+        if candidate.energy <= point.energy:
+            return candidate, share
+        share *= _SHORTENING
     return None, share

@@ -1,8 +1,8 @@
 """Nested dissection: an order of elimination that keeps a sparse factor small and parallel.
 
 A mesh is cut in two by a plane through its median, the vertices along the cut (the separator) are
-eliminated last, and both halves are cut again (George 1973). Each piece that is left, and each
-separator, becomes one supernode: consecutive columns of the factor with one set of rows below.
+eliminated last, and both halves are cut again (George 1973). Each piece that is not cut further,
+and each separator, becomes a supernode: consecutive columns of the factor with the same rows below.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from numpy.typing import NDArray
 
 from deformer.geometry import FloatArray, IntArray
 
-# Pieces of at most this many vertices are not cut further: their dense blocks cost about what the
-# bookkeeping of smaller ones would.
+# Pieces of at most this many vertices are not cut further: their dense blocks cost about as much as
+# the bookkeeping of smaller ones.
 _LEAF = 32
 
 
-# The compiled functions here run once a model. They are written as plain loops: sorting, lists and
+# The compiled functions of this module run once a model. They are plain loops: sorting, lists and
 # assignments between arrays would each take longer to compile than all of these loops.
 
 
 @njit(cache=True)
 def _halve(ranked, row, lo, hi, indptr, indices, side):
-    """Split ranked[row, lo:hi] at its median into side 1 and 2; boundary sizes of both sides."""
+    """Split ranked[row, lo:hi] at its median into sides 1 and 2; returns their boundary sizes."""
     half = lo + (hi - lo) // 2
     for k in range(lo, hi):
         side[ranked[row, k]] = 1 if k < half else 2
@@ -45,7 +45,7 @@ def _halve(ranked, row, lo, hi, indptr, indices, side):
 
 @njit(cache=True)
 def _breadth_first(ranked, row, lo, hi, indptr, indices, side, queue):
-    """Rank a piece along its edges, from one end to the other, where points are no help."""
+    """Rank a piece along its edges, from one end to the other, if no plane separates its points."""
     end = ranked[row, lo]
     for _ in range(2):
         for k in range(lo, hi):
@@ -73,17 +73,18 @@ def _breadth_first(ranked, row, lo, hi, indptr, indices, side, queue):
 
 @njit(cache=True)
 def _dissect(indptr, indices, ranked, leaf, depth, nodes):
-    """Order, the last row of `ranked`, and its supernodes (start, stop, task); their number.
+    """Order of elimination and its supernodes; returns their number.
 
-    The first rows of `ranked` (4, n) are the vertices sorted by x, y and z. Pieces that are left
-    after `depth` cuts are numbered as tasks; the separators of those cuts belong to none, −1.
+    `ranked` (4, n) has the vertices sorted by x, y and z in its first rows; its last row becomes
+    the order. `nodes` (n, 3) gets start, stop and task of each supernode. The pieces after `depth`
+    cuts are numbered as tasks; the separators of these cuts have the task −1.
     """
     n = len(indptr) - 1
     chosen = len(ranked) - 1
     side = np.zeros(n, dtype=np.int8)
     spare = np.empty(n, dtype=np.int64)
-    place = np.empty(5, dtype=np.int64)
-    # Pieces (start, stop, level, task) that wait: two a level at most, and halves are halved.
+    cursor = np.empty(5, dtype=np.int64)
+    # Pieces (start, stop, level, task) still to be cut: at most two a level.
     stack = np.empty((256, 4), dtype=np.int64)
     stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = 0, n, 0, -1
     waiting, tasks, found = 1, 0, 0
@@ -107,14 +108,14 @@ def _dissect(indptr, indices, ranked, leaf, depth, nodes):
             for k in range(lo, hi):
                 side[ranked[axis, k]] = 0
             if 3 * best > size:
-                # No plane separates it, as where a mesh is shrunk to a point: by its edges alone.
+                # No plane separates the piece (a mesh may be shrunk to a point): use its edges.
                 _breadth_first(ranked, chosen, lo, hi, indptr, indices, side, spare)
             else:
                 for k in range(lo, hi):
                     ranked[chosen, k] = ranked[axis, k]
             first, second = _halve(ranked, chosen, lo, hi, indptr, indices, side)
             if 3 * min(first, second) > size:
-                # Everything touches everything: a dense block.
+                # Most vertices are connected with each other: a dense block.
                 dense = True
                 if task < 0:
                     task, tasks = tasks, tasks + 1
@@ -125,27 +126,27 @@ def _dissect(indptr, indices, ranked, leaf, depth, nodes):
                 side[ranked[chosen, k]] = 0
             continue
         # The separator, side 3: the smaller of the two boundaries.
-        mine = 1 if first <= second else 2
+        separated = 1 if first <= second else 2
         for k in range(lo, hi):
             i = ranked[chosen, k]
-            if side[i] == mine:
+            if side[i] == separated:
                 for e in range(indptr[i], indptr[i + 1]):
-                    if side[indices[e]] == 3 - mine:
+                    if side[indices[e]] == 3 - separated:
                         side[i] = 3
                         break
         for d in range(5):
-            place[d] = 0
+            cursor[d] = 0
         for k in range(lo, hi):
-            place[side[ranked[chosen, k]] + 1] += 1
-        second_start = lo + place[2]
-        separator = second_start + place[3]
+            cursor[side[ranked[chosen, k]] + 1] += 1
+        second_start = lo + cursor[2]
+        separator = second_start + cursor[3]
         # Every row is sorted by side, and otherwise stays in order.
         for a in range(len(ranked)):
-            place[1], place[2], place[3] = lo, second_start, separator
+            cursor[1], cursor[2], cursor[3] = lo, second_start, separator
             for k in range(lo, hi):
                 i = ranked[a, k]
-                spare[place[side[i]]] = i
-                place[side[i]] += 1
+                spare[cursor[side[i]]] = i
+                cursor[side[i]] += 1
             for k in range(lo, hi):
                 ranked[a, k] = spare[k]
         for k in range(lo, hi):
@@ -162,11 +163,12 @@ def _dissect(indptr, indices, ranked, leaf, depth, nodes):
 
 
 @njit(cache=True)
-def _boundaries(indptr, indices, place, order, starts, owner, mark, links, bounds):
-    """Rows below every supernode, unsorted; into `bounds` (N + 1,) their slices.
+def _boundaries(indptr, indices, inverse_order, order, starts, owner, visitor, links, bounds):
+    """Rows below every supernode, unsorted.
 
-    Into the last row of `links` (3, N), −1 at first, the supernode that takes each one's update.
-    `owner` (n,) is the supernode of every place, `mark` (n,) −1.
+    `bounds` (N + 1,) gets their slices, and the last row of `links` (3, N), −1 at first, the parent
+    of each supernode, which its update is added to. `owner` (n,) is the supernode of every column
+    in the order of elimination; `visitor` (n,), −1 at first, is work memory.
     """
     n, N = len(order), len(starts) - 1
     rows = np.empty(8 * n, dtype=np.int32)
@@ -182,9 +184,9 @@ def _boundaries(indptr, indices, place, order, starts, owner, mark, links, bound
         nearest = n
         for k in range(starts[s], hi):
             for e in range(indptr[order[k]], indptr[order[k] + 1]):
-                j = place[indices[e]]
-                if j >= hi and mark[j] != s:
-                    mark[j] = s
+                j = inverse_order[indices[e]]
+                if j >= hi and visitor[j] != s:
+                    visitor[j] = s
                     rows[top] = j
                     top += 1
                     nearest = min(nearest, j)
@@ -192,8 +194,8 @@ def _boundaries(indptr, indices, place, order, starts, owner, mark, links, bound
         while child >= 0:
             for e in range(bounds[child], bounds[child + 1]):
                 j = rows[e]
-                if j >= hi and mark[j] != s:
-                    mark[j] = s
+                if j >= hi and visitor[j] != s:
+                    visitor[j] = s
                     rows[top] = j
                     top += 1
                     nearest = min(nearest, j)
@@ -212,29 +214,30 @@ class Dissection:
     """Supernodes of a symmetric sparse matrix.
 
     Args:
-        indptr, indices: where the matrix has entries, its rows compressed.
-        order: (n,) the old index at every place of the elimination.
-        place: (n,) its inverse.
-        starts: (N + 1,) supernode s holds the places starts[s]…starts[s + 1] − 1.
-        bounds: (N + 1,) slices of `rows`.
-        rows: places below each supernode, sorted.
-        parent: (N,) the supernode that takes the update of s; −1 for none.
-        tasks: (P + 1,) supernodes tasks[t]…tasks[t + 1] − 1 do not depend on another task's; those
-            from tasks[P] on come after all of them.
+        indptr, indices: (n + 1,) and (m,) int64, the matrix's entries in compressed rows.
+        order: (n,) int64 permutation: the matrix's row that is eliminated k-th, for every k.
+        inverse_order: (n,) int64 inverse of `order`: when each row is eliminated.
+        starts: (N + 1,) int64: columns starts[s]…starts[s + 1] − 1, in the order of elimination,
+            are supernode s.
+        bounds: (N + 1,) int64 slices of `rows`.
+        rows: int32 rows below each supernode, in the order of elimination, sorted.
+        parent: (N,) int64 the supernode that the update of s is added to; −1 for none.
+        tasks: (P + 1,) int64: supernodes tasks[t]…tasks[t + 1] − 1 do not depend on another
+            task's; those from tasks[P] on are eliminated after all tasks.
     """
 
     indptr: IntArray
     indices: IntArray
     order: IntArray
-    place: IntArray
+    inverse_order: IntArray
     starts: IntArray
     bounds: IntArray
     rows: NDArray[np.int32]
     parent: IntArray
     tasks: IntArray
 
-    def suits(self, indptr: IntArray, indices: IntArray) -> bool:
-        """Whether a matrix has its entries in the very same places."""
+    def matches(self, indptr: IntArray, indices: IntArray) -> bool:
+        """True if a matrix of compressed rows (indptr, indices) has the same sparsity pattern."""
         return np.array_equal(indptr, self.indptr) and np.array_equal(indices, self.indices)
 
 
@@ -242,9 +245,9 @@ def dissect(indptr: IntArray, indices: IntArray, points: FloatArray, depth: int)
     """Nested dissection of the graph of a symmetric matrix whose rows are points in space.
 
     Args:
-        indptr, indices: its rows, compressed.
-        points: (n, 3).
-        depth: 2^depth parts are kept apart as tasks, where the mesh is large enough.
+        indptr, indices: (n + 1,) and (m,) int64, the matrix's entries in compressed rows.
+        points: (n, 3), any unit.
+        depth: number of cuts that make tasks: up to 2^depth tasks.
     """
     n = len(indptr) - 1
     by_axis = [np.argsort(points[:, axis], kind="stable") for axis in range(3)]
@@ -259,16 +262,16 @@ def dissect(indptr: IntArray, indices: IntArray, points: FloatArray, depth: int)
     order = np.concatenate([order[lo:hi] for lo, hi, _ in nodes])
     sizes = nodes[:, 1] - nodes[:, 0]
     starts = np.concatenate([[0], np.cumsum(sizes)])
-    place = np.empty_like(order)
-    place[order] = np.arange(n)
+    inverse_order = np.empty_like(order)
+    inverse_order[order] = np.arange(n)
     owner = np.repeat(np.arange(len(nodes)), sizes)
     links = np.full((3, len(nodes)), -1)
     bounds = np.empty(len(nodes) + 1, dtype=np.int64)
     unsorted = _boundaries(
-        indptr, indices, place, order, starts, owner, np.full(n, -1), links, bounds
+        indptr, indices, inverse_order, order, starts, owner, np.full(n, -1), links, bounds
     )
     # Sorted within each supernode: one sort of supernode and row together.
     first_key = n * np.repeat(np.arange(len(nodes)), np.diff(bounds))
     rows = (np.sort(first_key + unsorted) - first_key).astype(np.int32)
     tasks = np.searchsorted(rank, np.arange(last + 1))
-    return Dissection(indptr, indices, order, place, starts, bounds, rows, links[2], tasks)
+    return Dissection(indptr, indices, order, inverse_order, starts, bounds, rows, links[2], tasks)

@@ -1,8 +1,8 @@
 """Sparse Cholesky: factor a symmetric positive definite matrix once, solve many times.
 
-Multifrontal, on dense blocks: a supernode with pivot block F and rows B below it keeps F⁻¹ and
-B F⁻¹, so that a solve is a sequence of small matrix products without a triangular substitution,
-and parts of the mesh that do not touch are solved by different threads.
+Multifrontal, on dense blocks: a supernode with pivot block F and rows B below it stores F⁻¹ and
+B F⁻¹. A solve is then a sequence of small matrix products, without triangular substitutions, and
+parts of the mesh that are not connected are solved by different threads.
 """
 
 from __future__ import annotations
@@ -29,14 +29,13 @@ from deformer.linalg.threads import CORES, run_calls
 _SMALLEST_PART = 8000
 
 
-# Dense blocks are factored by numpy's LAPACK and BLAS. What is compiled here is plain loops: with
-# assignments between slices, or matrices factored in them, they would take many times as long to
-# compile.
+# LAPACK and BLAS factor the dense blocks. The compiled functions are plain loops: with assignments
+# between slices, or with factorisations, they would take many times as long to compile.
 
 
 @njit(cache=True)
-def _assemble(s, indptr, indices, data, order, place, starts, bounds, rows, row_of, front):
-    """Add A's columns of supernode s to its front (w + m, w + m); fill in where its rows are."""
+def _assemble(s, indptr, indices, data, order, inverse_order, starts, bounds, rows, row_of, front):
+    """Add A's columns of supernode s to its front (w + m, w + m); `row_of` gets its rows."""
     lo, w = starts[s], starts[s + 1] - starts[s]
     for k in range(w):
         row_of[lo + k] = k
@@ -45,7 +44,7 @@ def _assemble(s, indptr, indices, data, order, place, starts, bounds, rows, row_
     for k in range(w):
         i = order[lo + k]
         for e in range(indptr[i], indptr[i + 1]):
-            j = place[indices[e]]
+            j = inverse_order[indices[e]]
             if j >= lo:
                 front[row_of[j], k] += data[e]
 
@@ -73,7 +72,7 @@ def _factor(A: sparse.csr_array, plan: Dissection) -> tuple[IntArray, FloatArray
     parents, bounds = plan.parent.tolist(), plan.bounds.tolist()
     for s, (w, m) in enumerate(zip(width.tolist(), below.tolist(), strict=True)):
         front = np.zeros((w + m, w + m))
-        _assemble(s, indptr, indices, A.data, plan.order, plan.place, *nodes, row_of, front)
+        _assemble(s, indptr, indices, A.data, plan.order, plan.inverse_order, *nodes, row_of, front)
         for child, update in children[s]:
             _add_update(bounds[child], bounds[child + 1], plan.rows, row_of, update, front)
         children[s].clear()
@@ -84,7 +83,7 @@ def _factor(A: sparse.csr_array, plan: Dissection) -> tuple[IntArray, FloatArray
         block = blocks[slices[s] : slices[s + 1]].reshape(w + m, w)
         np.matmul(X.T, X, out=block[:w])
         if m:
-            # By way of L⁻¹, not F⁻¹: what is taken off never exceeds what is there, by rounding.
+            # With L⁻¹ and not F⁻¹: subtracting Y Yᵀ leaves the update definite despite rounding.
             Y = front[w:, :w] @ X.T
             np.matmul(-Y, X, out=block[w:])
             children[parents[s]].append((s, front[w:, w:] - Y @ Y.T))
@@ -93,9 +92,9 @@ def _factor(A: sparse.csr_array, plan: Dissection) -> tuple[IntArray, FloatArray
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _forward(first, last, begin, starts, bounds, rows, slices, blocks, x, tail):
-    """Eliminate supernodes first…last − 1 from x (n, m); rows from `begin` on add to `tail`.
+    """Eliminate supernodes first…last − 1 from x (n, m); changes of rows ≥ `begin` go to `tail`.
 
-    Of a right-hand side with few entries only the supernodes that they reach are touched.
+    Supernodes whose rows of x are all zero are skipped, as most are for a sparse right-hand side.
     """
     columns = x.shape[1]
     for s in range(first, last):
@@ -121,7 +120,7 @@ def _forward(first, last, begin, starts, bounds, rows, slices, blocks, x, tail):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _backward(first, last, starts, bounds, rows, slices, blocks, x):
-    """Solution of supernodes last − 1…first, in place."""
+    """Solve for the rows of supernodes last − 1…first, in place."""
     columns = x.shape[1]
     sums = np.empty(len(x))
     for s in range(last - 1, first - 1, -1):
@@ -264,9 +263,10 @@ class SparseCholesky:
     """Factor of a symmetric positive definite matrix A (n, n).
 
     Args:
-        matrix: A.
-        points: (n, 3) where the rows are in space; decides the order of elimination.
-        plan: of an earlier factor; taken over if A has its entries in the same places.
+        matrix: A, sparse.
+        points: (n, 3) position of each row in space, any unit; the order of elimination depends on
+            them.
+        plan: order of elimination of an earlier factor, used if its sparsity pattern is A's.
 
     Raises:
         numpy.linalg.LinAlgError: A is not positive definite, or not finite.
@@ -278,14 +278,14 @@ class SparseCholesky:
         """Order and factor `matrix`."""
         A = sparse.csr_array(matrix)
         indptr, indices = A.indptr.astype(np.int64), A.indices.astype(np.int64)
-        if plan is None or not plan.suits(indptr, indices):
+        if plan is None or not plan.matches(indptr, indices):
             parts = min(CORES, len(points) // _SMALLEST_PART)
             depth = max(0, int(np.ceil(np.log2(max(parts, 1)))))
             plan = dissect(indptr, indices, np.asarray(points, dtype=np.float64), depth)
         self.plan = plan
         self.order: IntArray = plan.order
-        self.place: IntArray = plan.place
-        # Rows from here on are touched by several tasks.
+        self.inverse_order: IntArray = plan.inverse_order
+        # Several tasks contribute to the rows from this one on.
         self._begin = int(plan.starts[plan.tasks[-1]])
         self._nodes = plan.starts, plan.bounds, plan.rows
         self._slices, self._blocks = _factor(A, plan)
@@ -307,11 +307,11 @@ class SparseCholesky:
         return slices, lower
 
     def supernodes(self) -> Iterator[tuple[int, int, NDArray, NDArray]]:
-        """Blocks in the order of elimination: places first…last − 1, rows below (m,), block.
+        """Supernodes in the order of elimination: columns first…last − 1, rows below (m,), block.
 
-        The block (w + m, w), single precision, is [F⁻¹; −B F⁻¹]: x[rows] gain its lower part times
-        x[first:last] on the way forward; on the way back x[first:last] is its transpose times
-        those and x[rows].
+        The block (w + m, w) float32 is [F⁻¹; −B F⁻¹]. The forward pass adds its lower part times
+        x[first:last] to x[rows]; in the backward pass x[first:last] becomes its transpose times
+        x[first:last] and x[rows].
         """
         starts, bounds, rows = self._nodes
         for s, (first, last) in enumerate(pairwise(starts.tolist())):
@@ -319,24 +319,24 @@ class SparseCholesky:
             yield first, last, rows[bounds[s] : bounds[s + 1]], block.reshape(-1, last - first)
 
     @property
-    def bytes_of_a_solve(self) -> int:
-        """Bytes of the factor that `solve_in_order` reads for three columns."""
+    def bytes_per_solve(self) -> int:
+        """Bytes of the factor that `solve_in_order` reads."""
         return self._single.nbytes + self._lower[1].nbytes
 
     def solve(self, b: FloatArray) -> FloatArray:
-        """Solution x (n, m) of A x = b for right-hand sides b (n, m), float64."""
+        """Solutions x (n, m) of A x = b for right-hand sides b (n, m)."""
         x = np.ascontiguousarray(np.asarray(b, dtype=np.float64)[self.order])
         factor = self._slices, self._blocks
         self._sweep(x, _forward, factor, _backward, factor)
-        return x[self.place]
+        return x[self.inverse_order]
 
     def solve_in_order(self, x: NDArray) -> None:
-        """Solve in place for x (n, 3), float32, with rows in the order of elimination `order`."""
+        """Solve in place for x (n, 3) float32: right-hand sides, their rows permuted by `order`."""
         upper = self._slices, self._single
         self._sweep(x, _forward_three, self._lower, _backward_three, upper)
 
     def _sweep(self, x: NDArray, forward: Any, lower: Any, backward: Any, upper: Any) -> None:
-        """Forward through the tasks, then the rows that they share; back the other way."""
+        """Forward pass over the tasks and then over the shared supernodes; backward in reverse."""
         tasks, begin, n = self.plan.tasks, self._begin, len(x)
         last = len(self.plan.starts) - 1
         tails = np.zeros((len(tasks) - 1, n - begin, x.shape[1]), dtype=x.dtype)

@@ -1,7 +1,7 @@
 """Compiled kernels on all cores.
 
-The kernels are numba functions without the GIL; plain threads share the work. They neither spin
-nor clash with the threads of BLAS and torch.
+The kernels are numba functions that release the GIL; Python threads share the work. Idle threads do
+not spin, and so take no time from the threads of BLAS and torch.
 """
 
 from __future__ import annotations
@@ -26,9 +26,10 @@ _ALLOWED = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(
 
 
 def usable_cores() -> int:
-    """Cores that this process may use: of its affinity mask, its cgroup and the environment.
+    """Number of cores that this process may use.
 
-    OMP_NUM_THREADS and NUMBA_NUM_THREADS bound the number, as they do for others' threads.
+    It is bounded by the affinity mask, by the cgroup's quota, and by the environment variables
+    OMP_NUM_THREADS and NUMBA_NUM_THREADS.
     """
     limits = [len(_ALLOWED) or os.cpu_count() or 1]
     for name in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS"):
@@ -39,7 +40,7 @@ def usable_cores() -> int:
         quota, period = Path("/sys/fs/cgroup/cpu.max").read_text().split()
         limits.append(max(1, math.ceil(int(quota) / int(period))))
     except (OSError, ValueError):
-        # No such file, or the quota is the word "max": no limit.
+        # There is no such file, or the quota is the word "max": no limit.
         pass
     return min(limits)
 
@@ -52,29 +53,34 @@ Result = TypeVar("Result")
 _SMALLEST_SHARE = 2000
 
 
-# `alone` is set on threads of `in_parallel`, on which kernels do not start threads of their own.
+# `single` is set on the threads of `in_parallel`, where kernels do not start other threads.
 _thread = threading.local()
 
 
 def scratch(name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Memory of this thread that keeps its pages: fresh pages cost more than what fills them.
+    """Uninitialised float32 array that the calling thread reuses.
 
-    The next call by the same name on the same thread gives the same memory.
+    The next call with the same name on the same thread returns the same memory: mapping new pages
+    costs more than filling them.
+
+    Args:
+        name: name of the memory.
+        shape: shape of the array.
     """
     size = math.prod(shape)
-    kept = getattr(_thread, name, None)
-    if kept is None or kept.size < size:
-        kept = np.empty(size, dtype=np.float32)
-        setattr(_thread, name, kept)
-    return kept[:size].reshape(shape)
+    buffer = getattr(_thread, name, None)
+    if buffer is None or buffer.size < size:
+        buffer = np.empty(size, dtype=np.float32)
+        setattr(_thread, name, buffer)
+    return buffer[:size].reshape(shape)
 
 
 class _WorkerMask:
     """Keeps worker threads off the core of the thread that wakes them.
 
-    Linux on a virtual machine takes halted cores for busy ones, and runs a woken thread on the
-    core of its waker, which then waits for it: two threads took as long as one. The mask is set
-    again only when the caller has moved to another core.
+    Linux on a virtual machine may treat halted cores as busy, and then runs a woken thread on the
+    core of the thread that wakes it and waits for it: two threads took as long as one. The mask is
+    set again only when the caller has moved to another core.
     """
 
     def __init__(self) -> None:
@@ -104,7 +110,7 @@ def _worker_mask() -> _WorkerMask:
 
 @cache
 def _pool() -> ThreadPoolExecutor:
-    # The caller takes a share, too.
+    # The caller does one part of the work itself.
     return ThreadPoolExecutor(
         max_workers=max(1, CORES - 1),
         thread_name_prefix="deformer",
@@ -117,15 +123,19 @@ def _outer_pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(
         max_workers=CORES,
         thread_name_prefix="deformer-parallel",
-        initializer=lambda: setattr(_thread, "alone", True),
+        initializer=lambda: setattr(_thread, "single", True),
     )
 
 
 def in_parallel(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
     """Call function(item) for all items, on all cores, and yield the results in order.
 
-    Unlike a kernel the function may use the kernels itself: within it they run on one thread,
-    unless there is one item only.
+    The function may call `over_ranges` and `run_calls`: they use one thread within it, or all cores
+    if there is only one item.
+
+    Args:
+        function: called once an item, on any thread.
+        items: its arguments.
     """
     if len(items) == 1:
         yield function(items[0])
@@ -134,22 +144,35 @@ def in_parallel(function: Callable[[Item], Result], items: Sequence[Item]) -> It
 
 
 def split(count: int) -> list[range]:
-    """Ranges that cover 0…count, one a core and none empty."""
+    """Consecutive ranges that cover 0…count − 1, one a core and none empty (for count > 0)."""
     parts = max(1, min(CORES, count))
     bounds = [count * part // parts for part in range(parts + 1)]
     return [range(a, b) for a, b in pairwise(bounds)]
 
 
 def run_calls(kernel: Callable[..., None], calls: Sequence[tuple]) -> None:
-    """Call kernel(*arguments) for all `calls` at once, and wait for them."""
+    """Call kernel(*arguments) for all `calls` in parallel, and wait for them.
+
+    Args:
+        kernel: releases the GIL.
+        calls: arguments of each call; at least one.
+    """
     futures = start_calls(kernel, calls[1:])
     kernel(*calls[0])
     wait_for(futures)
 
 
 def start_calls(kernel: Callable[..., None], calls: Sequence[tuple]) -> list[Future[None]]:
-    """Call kernel(*arguments) for all `calls` while the caller goes on; `wait_for` the futures."""
-    if getattr(_thread, "alone", False):
+    """Start kernel(*arguments) for all `calls` on other threads.
+
+    Args:
+        kernel: releases the GIL.
+        calls: arguments of each call.
+
+    Returns:
+        Futures for `wait_for`; none if the calls have been made on this thread.
+    """
+    if getattr(_thread, "single", False):
         for arguments in calls:
             kernel(*arguments)
         return []
@@ -159,14 +182,19 @@ def start_calls(kernel: Callable[..., None], calls: Sequence[tuple]) -> list[Fut
 
 
 def wait_for(futures: Sequence[Future[None]]) -> None:
-    """Wait until all futures are done; what one of them raised is raised here."""
+    """Wait until all futures are done, and raise the first exception of their calls."""
     for future in futures:
         future.result()
 
 
 def ranges(count: int, share: int = _SMALLEST_SHARE) -> list[tuple[int, int]]:
-    """Consecutive ranges (start, stop) that cover 0…count: one a core, none below `share`."""
-    parts = 1 if getattr(_thread, "alone", False) else max(1, min(CORES, count // share))
+    """Consecutive ranges (start, stop) that cover 0…count − 1, at most one a core.
+
+    Args:
+        count: length of what the ranges cover.
+        share: the least length of a range, unless it is the only one.
+    """
+    parts = 1 if getattr(_thread, "single", False) else max(1, min(CORES, count // share))
     bounds = [count * part // parts for part in range(parts + 1)]
     return list(pairwise(bounds))
 
@@ -174,12 +202,12 @@ def ranges(count: int, share: int = _SMALLEST_SHARE) -> list[tuple[int, int]]:
 def over_ranges(
     kernel: Callable[..., None], count: int, *arguments: Any, share: int = _SMALLEST_SHARE
 ) -> None:
-    """Call kernel(start, stop, *arguments) on consecutive ranges that cover 0…count.
+    """Call kernel(start, stop, *arguments) in parallel on ranges that cover 0…count − 1.
 
     Args:
-        kernel: of ranges that do not depend on each other.
+        kernel: releases the GIL; the ranges must not depend on each other.
         count: length of what the ranges cover.
-        arguments: the same for all ranges.
+        arguments: further arguments, the same for all ranges.
         share: the least length of a range, unless it is the only one.
     """
     run_calls(kernel, [(*piece, *arguments) for piece in ranges(count, share)])
@@ -187,7 +215,7 @@ def over_ranges(
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """The matrices of a solve are small: more BLAS threads only wait for each other."""
+    """Limit BLAS to one thread within the block: for small matrices, more only wait."""
     with _blas().limit(limits=1, user_api="blas"):
         yield
 

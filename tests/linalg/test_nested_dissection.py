@@ -22,8 +22,8 @@ def rows_below(plan):
     return np.split(plan.rows, plan.bounds[1:-1])
 
 
-def task_of_places(plan):
-    """The task of every place; −1 for the tail that tasks share."""
+def task_of_columns(plan):
+    """The task of every column in the order of elimination; −1 for those that tasks share."""
     counts = np.diff(plan.starts)
     tasks = len(plan.tasks) - 1
     of_nodes = np.repeat(np.arange(tasks), np.diff(plan.tasks))
@@ -36,7 +36,7 @@ def test_order_is_a_permutation_cut_into_supernodes(name, depth):
     n = GRAPHS[name][0]
     plan = dissected(name, depth)
     np.testing.assert_array_equal(np.sort(plan.order), np.arange(n))
-    np.testing.assert_array_equal(plan.order[plan.place], np.arange(n))
+    np.testing.assert_array_equal(plan.order[plan.inverse_order], np.arange(n))
     assert plan.starts[0] == 0 and plan.starts[-1] == n and (np.diff(plan.starts) > 0).all()
     assert len(plan.bounds) == len(plan.starts) == len(plan.parent) + 1
     assert plan.bounds[0] == 0 and plan.bounds[-1] == len(plan.rows)
@@ -45,7 +45,7 @@ def test_order_is_a_permutation_cut_into_supernodes(name, depth):
 @NAMES
 @DEPTHS
 def test_rows_below_are_the_fill_of_eliminating_supernodes(name, depth):
-    """Eliminated together, its places leave all their later neighbours joined to each other."""
+    """Eliminated together, its columns leave all their later neighbours joined to each other."""
     plan = dissected(name, depth)
     filled = definite(name).toarray()[np.ix_(plan.order, plan.order)] != 0
     owner = np.repeat(np.arange(len(plan.parent)), np.diff(plan.starts))
@@ -80,8 +80,8 @@ def test_tasks_touch_only_what_they_share(name, depth):
     assert (np.diff(plan.tasks) > 0).all()
     if depth == 0:
         assert plan.tasks.tolist() == [0, len(plan.parent)]
-    task = task_of_places(plan)
-    i, j = plan.place[GRAPHS[name][1]].T
+    task = task_of_columns(plan)
+    i, j = plan.inverse_order[GRAPHS[name][1]].T
     assert ((task[i] == task[j]) | (task[i] < 0) | (task[j] < 0)).all()
     # Nor do their updates.
     for s, below in enumerate(rows_below(plan)):
@@ -91,7 +91,7 @@ def test_tasks_touch_only_what_they_share(name, depth):
 @pytest.mark.parametrize("name", ["ball", "two", "path", "star", "no edges", "coincident"])
 def test_tasks_are_of_like_size(name):
     for depth in (1, 2):
-        task = task_of_places(dissected(name, depth))
+        task = task_of_columns(dissected(name, depth))
         sizes = np.bincount(task[task >= 0])
         assert len(sizes) == 2**depth
         assert sizes.min() > 0.5 * len(task) / 2**depth

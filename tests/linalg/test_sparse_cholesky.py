@@ -29,7 +29,7 @@ def solve_single(found, b):
     """`solve_in_order` for rows in the order of the matrix."""
     x = np.ascontiguousarray(b[found.order], dtype=np.float32)
     found.solve_in_order(x)
-    return x[found.place]
+    return x[found.inverse_order]
 
 
 def close(x, expected, dtype=np.float64, factor=1.0):
@@ -49,7 +49,7 @@ def weighted_laplacian(mesh, spread, rng):
 
 
 @NAMES
-def test_a_plan_is_taken_over_where_entries_keep_their_places(name):
+def test_a_plan_is_used_again_for_the_same_sparsity_pattern(name):
     first, A = factor(name), definite(name)
     b = np.random.default_rng(2).normal(size=(A.shape[0], 2))
     same = SparseCholesky(A + sparse.diags_array(A.diagonal()), GRAPHS[name][2], first.plan)
@@ -189,12 +189,12 @@ def test_a_matrix_that_is_indefinite_only_as_a_whole_is_refused():
         SparseCholesky(A, mesh.vertices)
 
 
-def test_bytes_of_a_solve():
+def test_bytes_per_solve():
     """Blocks (w + m, w) and their lower parts (m, w) once more, of four bytes."""
     found = factor("ball")
     starts, bounds, _ = found._nodes
     w, m = np.diff(starts), np.diff(bounds)
-    assert found.bytes_of_a_solve == 4 * (w * (w + 2 * m)).sum()
+    assert found.bytes_per_solve == 4 * (w * (w + 2 * m)).sum()
 
 
 @pytest.mark.parametrize("seed", range(3))
