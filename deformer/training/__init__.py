@@ -1,4 +1,4 @@
-"""From example shapes to a model: the factorisation, Adam, trials and checkpoints.
+"""Training of a model from example shapes: factorisation, Adam, cross-validation, checkpoints.
 
 The names that other packages may use are listed in `__init__.pyi`; each is loaded when it is
 first asked for.

@@ -23,10 +23,11 @@ from deformer.training.loop import (
     run_training,
 )
 
-# Copying the weights costs as much as a third of a step on small sets.
+# The best weights are updated every so many steps: on small sets a copy costs a third of a step.
 _BEST_EVERY = 10
-# Mixed shapes that the principal components are taken from, beside the examples.
+# Number of mixed shapes, beside the examples, for the initial principal components.
 _INITIAL_MIXED = 128
+# Steps over which the learning rate rises.
 _WARM_UP = 30
 
 
@@ -39,7 +40,7 @@ class _Mixer:
     def __init__(self, x: Tensor, geodesics: Geodesics, generator: torch.Generator) -> None:
         self._x = x
         V = x.shape[0]
-        # A few hundred fixed centres bound the geodesic rows that are ever needed.
+        # 200 fixed centres bound the number of geodesic rows.
         vertices = torch.randperm(V, generator=generator)[:200]
         rows = np.array([geodesics.normalised_row(int(i)) for i in vertices])
         rows[~np.isfinite(rows)] = 2.0
@@ -79,7 +80,7 @@ class _Descent:
         self._mixer, self._generator, self._locality = mixer, generator, locality
         self._stochastic = mixer is not None or 0 < settings.batch < shapes.shape[1]
         self._mean: Tensor | None = None
-        if not self._stochastic:  # every step sees the same shapes: their ring mean is taken once
+        if not self._stochastic:  # every step has the same shapes: their ring mean is constant
             with torch.no_grad():
                 self._mean = network.mean(shapes)
         self.loss = float("inf")
@@ -92,7 +93,7 @@ class _Descent:
             self._network.start_from_components(x)
 
     def step(self, epoch: int) -> tuple[float, ...]:
-        """One step on all shapes; gives the three weighted terms before it."""
+        """Take one step; returns the three weighted terms of the loss before it."""
         network, settings, N = self._network, self._settings, self._shapes.shape[1]
         batch = self._shapes
         if 0 < settings.batch < N:
@@ -116,20 +117,20 @@ class _Descent:
         loss.total.backward()
         terms = tuple(term.item() for term in loss)
         if self._stochastic:
-            # The loss of one batch does not tell which weights are best; the newest are kept.
+            # Losses of different batches cannot be compared: the newest weights are the result.
             self.loss, self.reconstruction = sum(terms), terms[0]
         elif epoch % _BEST_EVERY == 0 or epoch == settings.epochs - 1:
-            self._keep_if_best(sum(terms), terms[0])
+            self._update_best(sum(terms), terms[0])
         self._optimiser.step()
         return terms
 
     def weights(self) -> NetworkWeights:
-        """The weights of the least loss seen, where one batch tells it; else the newest."""
+        """The weights of the least loss if every step has all shapes; else the newest."""
         if not self._stochastic:
             self._network.load_state_dict(self._best)
         return self._network.weights
 
-    def _keep_if_best(self, loss: float, reconstruction: float) -> None:
+    def _update_best(self, loss: float, reconstruction: float) -> None:
         if loss < self.loss:
             self.loss, self.reconstruction = loss, reconstruction
             for name, value in self._network.state_dict().items():
@@ -184,23 +185,23 @@ def fit(
 
     Args:
         x: (N, V, 9) scaled features of the training shapes.
-        indptr, rings: one-rings of the reference.
+        indptr, rings: one-rings of the reference, as `deformer.geometry.one_rings` returns them.
         geodesics: distances over the reference, for Λ and the mixed shapes.
-        config: network, loss weights, epochs; its `training` is an `AdamSettings`.
-        seed: of the initial weights and the mixed shapes. The same seed gives the same network
+        config: configuration, whose `training` is an `AdamSettings`.
+        seed: seed of the initial weights and the mixed shapes. The same seed gives the same network
             on one machine with one number of threads.
         device: "cpu", "cuda", "mps" or "auto".
         checkpoint: folder written every half minute and on interruption, or None.
-        resume: continue from `checkpoint`; every number comes out as without the stop.
+        resume: continue from `checkpoint`; the result is that of an uninterrupted training.
         on_progress: called after every epoch.
 
     Returns:
-        The weights: with the lowest loss seen where every step sees all shapes, else
-        the newest. Ctrl-C ends the training early, after the step under way; the checkpoint is
-        saved and the weights so far returned.
+        The weights of the lowest loss if every step has all shapes, else the newest. Ctrl-C ends
+        the training after the current step; the checkpoint is then saved and the weights so far are
+        returned.
 
     Raises:
-        InputError: the config trains otherwise, or the device or checkpoint is not to be used.
+        InputError: the config is of another method, or the device or checkpoint cannot be used.
     """
     settings = config.training
     if not isinstance(settings, AdamSettings):
@@ -213,7 +214,7 @@ def fit(
     mixer = _Mixer(shapes, geodesics, generator) if settings.mixed_shapes and len(x) > 1 else None
     locality = losses.Locality(geodesics, config.d_min, config.d_max)
     descent = _Descent(network, shapes, mixer, generator, locality, settings)
-    course = run_training(
+    outcome = run_training(
         descent,
         settings.epochs,
         identity_of(x, config, seed),
@@ -222,7 +223,7 @@ def fit(
         on_progress=on_progress,
     )
     weights = descent.weights().pruned(settings.pruning)
-    return TrainingResult(weights, descent.loss, descent.reconstruction, *course)
+    return TrainingResult(weights, descent.loss, descent.reconstruction, *outcome)
 
 
 def _with_mixed(x: Tensor, mixer: _Mixer | None, count: int) -> Tensor:
@@ -230,8 +231,8 @@ def _with_mixed(x: Tensor, mixer: _Mixer | None, count: int) -> Tensor:
 
 
 def _learning_rate(settings: AdamSettings, epoch: int) -> float:
-    # All of C moves alike in Adam's first steps: where features have a mean far from zero, full
-    # steps would drive every tanh into saturation, for good.
+    # Adam's first steps change all entries of C by the same amount: if the mean of the features is
+    # far from zero, full steps would saturate every tanh for good.
     rise = min(1.0, (epoch + 1) / _WARM_UP)
     if settings.schedule == "constant":
         return settings.learning_rate * rise

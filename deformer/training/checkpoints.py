@@ -1,4 +1,4 @@
-"""Checkpoints: a JSON status and the arrays it names, never half written."""
+"""Checkpoints: a JSON status and a file of arrays, replaced together or not at all."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ _FILE = "checkpoint.json"
 
 
 def has_checkpoint(folder: str | Path) -> bool:
-    """Whether `folder` holds something to resume."""
+    """True if `folder` contains a checkpoint."""
     return (Path(folder) / _FILE).is_file()
 
 
 def save_checkpoint(
     folder: Path, identity: dict[str, Any], status: dict[str, Any], arrays: dict[str, NDArray]
 ) -> None:
-    """Replace the folder's checkpoint.
+    """Write a checkpoint, replacing the one in the folder.
 
     Args:
-        folder: made where it is missing.
-        identity: what a run has to agree with to go on from here; JSON values.
+        folder: created if it is missing.
+        identity: JSON values that have to be equal for a run to resume from the checkpoint.
         status: JSON values, among them the "epoch".
-        arrays: everything else.
+        arrays: name → array.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    # Both files carry the epoch in their name; the JSON is renamed last and names the other, so
-    # that a crash between the two leaves the previous pair valid.
+    # The arrays have the epoch in their file name, and the JSON, written last, contains that name:
+    # a crash between the two leaves the previous pair valid.
     name = f"epoch-{status['epoch']:07d}.safetensors"
     with atomic_path(folder / name) as path:
         save_file({k: np.asarray(v, order="C") for k, v in arrays.items()}, path)
@@ -51,10 +51,14 @@ def save_checkpoint(
 def load_checkpoint(
     folder: Path | None, identity: dict[str, Any]
 ) -> tuple[dict[str, Any], dict[str, NDArray]]:
-    """Status and arrays of the folder's checkpoint.
+    """Status and arrays of a folder's checkpoint.
+
+    Args:
+        folder: the folder.
+        identity: that of the run that resumes; JSON values.
 
     Raises:
-        InputError: there is none, it is damaged, or it is of another identity.
+        InputError: there is no checkpoint, it is damaged, or it is of another identity.
     """
     if folder is None:
         raise InputError("resume: a checkpoint folder is needed")

@@ -1,4 +1,4 @@
-"""Cross-validation of handle fits: how well shapes left out of a training are recovered."""
+"""Cross-validation of handle fits: errors of held-out shapes recovered from a few vertices."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 
 from deformer.geometry import FloatArray, Geodesics, IntArray, MeshSequence, farthest_points
 
-# (vertices, targets, noises) to a mesh (V, 3) for every noise, the largest first.
+# (vertices (H,), targets (H, 3), noises, the largest first) → positions (V, 3) for every noise.
 HandleFit = Callable[[IntArray, FloatArray, Sequence[float]], Iterable[FloatArray]]
-# Trains on some of the shapes, given by index.
+# Indices (n,) of the shapes to train on → handle fits of the model trained on them.
 TrainOnSubset = Callable[[IntArray], HandleFit]
 
 _HELD_OUT = 3
@@ -24,9 +24,11 @@ def choose_noise(
     noises: Sequence[float],
     seed: int,
 ) -> float:
-    """The noise by which shapes left out are recovered best, see `held_out_errors`.
+    """The noise of the least error of held-out shapes; see `held_out_errors`.
 
-    With fewer than 4 shapes none can be left out, and the middle of the candidates is chosen.
+    With fewer than 4 shapes none can be held out: the result is then the middle candidate.
+
+    Arguments are those of `held_out_errors`.
     """
     errors = held_out_errors(train, shapes, geodesics, noises, seed)
     return noises[len(noises) // 2 if errors is None else int(errors.argmin())]
@@ -39,21 +41,22 @@ def held_out_errors(
     noises: Sequence[float],
     seed: int,
 ) -> FloatArray | None:
-    """Errors of shapes left out that are recovered from a few of their vertices, by noise.
+    """Errors of held-out shapes that are recovered from a few of their vertices, by noise.
 
-    Three shapes spread over the training shapes are left out (fewer of less than 12), and
-    recovered from 10 and from 40 control vertices. The reference, shape 0, is never left out.
+    Three shapes spread over the training shapes are held out (one for every four if there are fewer
+    than 12), and recovered from 10 and from 40 control vertices. Shape 0, the reference, is never
+    held out.
 
     Args:
         train: trains on the other shapes.
         shapes: N training shapes.
         geodesics: distances over the reference.
-        noises: M candidates, in increasing order.
-        seed: of the first control vertex.
+        noises: M candidates, in increasing order, in bounding diagonals.
+        seed: seed of the first control vertex.
 
     Returns:
-        (M,) logarithms of root mean squares, the mean over the two numbers of control vertices;
-        None where fewer than 4 shapes leave none to spare.
+        (M,) logarithms of root mean square errors, averaged over the two numbers of control
+        vertices; None for fewer than 4 shapes.
     """
     N, V = shapes.vertices.shape[:2]
     count = _held_out_count(N)
@@ -73,7 +76,7 @@ def held_out_errors(
 
 
 def held_out_fits(shape_count: int) -> int:
-    """Number of handle fits that `held_out_errors` makes for every noise."""
+    """Number of handle fits of `held_out_errors` for every noise, with that number of shapes."""
     return len(_CONTROL_COUNTS) * _held_out_count(shape_count)
 
 
@@ -82,5 +85,5 @@ def _held_out_count(shape_count: int) -> int:
 
 
 def fit_each_noise(fit: Callable[[IntArray, FloatArray, float], FloatArray]) -> HandleFit:
-    """The `HandleFit` of a function that fits handles with one noise."""
+    """The `HandleFit` of a function of (vertices, targets, noise) that returns positions (V, 3)."""
     return lambda vertices, targets, noises: (fit(vertices, targets, n) for n in noises)

@@ -1,10 +1,10 @@
 """Noise of measured shapes: separated from their detail, and removed before training.
 
-Features are read from one-rings, where noise of a tenth of an edge already rotates and stretches
-everything. The model of a shape is p_n = s_n + R_n d + noise: s_n smooth, d the fine detail, which
-all shapes share once it is rotated with the surface by R_n. Smoothing removes noise from s_n; the
-mean over all shapes removes it from d. The strength of smoothing is the one with which a vertex's
-neighbours and the detail of the other shapes predict the vertex best.
+Features depend on one-rings, where noise of a tenth of an edge already causes large rotations and
+stretches. The model of a shape is p_n = s_n + R_n d + noise: s_n is smooth, and d is the fine
+detail, which is the same in all shapes and rotates with the surface by R_n. Smoothing removes noise
+from s_n; the mean over all shapes removes it from d. The strength of smoothing is the one with
+which a vertex's neighbours and the detail of the other shapes predict the vertex best.
 """
 
 from __future__ import annotations
@@ -20,34 +20,34 @@ from deformer.linalg import SparseCholesky
 
 # With fewer shapes their common detail is unknown.
 _FEWEST_SHAPES = 4
-# Standard deviation, in median edges, below which noise cannot be told from a shape's own detail.
+# Standard deviation, in median edges, below which noise and detail cannot be distinguished.
 _LEAST_NOISE = 0.02
-# Strengths of smoothing: the one that detects noise, and the candidates from the strongest down.
+# Strengths of smoothing: the one that detects noise, and the candidates in decreasing order.
 _DETECTION_STRENGTH = 1.0
 _STRENGTHS = np.logspace(6, -1, 15)
-# Evenly spread shapes that detection and choice of the strength look at.
+# Number of evenly spread shapes by which noise is detected and the strength chosen.
 _SAMPLE = 24
 # Shapes smoothed at a time: bounds memory.
 _BLOCK = 16
-# Random vectors that estimate the trace of the smoothing.
+# Number of random vectors that estimate the trace of the smoothing (Hutchinson).
 _PROBES = 16
-# Median absolute value to standard deviation of a normal distribution.
-_MEDIAN = 0.6745
+# Median absolute value of the standard normal distribution.
+_NORMAL_MEDIAN = 0.6745
 
 
 def remove_noise(shapes: MeshSequence) -> tuple[FloatArray, float]:
     """Remove the noise of shapes.
 
-    Noise is what neither the neighbours nor the other shapes predict, of the same size everywhere
-    and independent from vertex to vertex. Noise below a fiftieth of an edge stays, as does that of
-    fewer than four shapes.
+    Noise is the part of the positions that neither neighbours nor other shapes predict; it is
+    assumed independent between vertices and of the same size everywhere. Shapes with noise below
+    a fiftieth of an edge, and sets of fewer than four shapes, are not changed.
 
     Args:
         shapes: N shapes.
 
     Returns:
-        The shapes (N, V, 3) without noise, and the standard deviation of what was removed from
-        each coordinate, in the unit of the data; 0 where the shapes are unchanged.
+        The shapes (N, V, 3) without noise, and the noise's standard deviation in each coordinate,
+        in the unit of the data; 0 if the shapes are not changed.
     """
     vertices = shapes.vertices
     if len(vertices) < _FEWEST_SHAPES:
@@ -58,7 +58,7 @@ def remove_noise(shapes: MeshSequence) -> tuple[FloatArray, float]:
     edge = float(np.median(np.linalg.norm(sample[:, i] - sample[:, j], axis=2)))
     if smoother.split(sample, _DETECTION_STRENGTH).noise < _LEAST_NOISE * edge:
         return vertices, 0.0
-    # From above: where smoothing is too weak, the rotations follow the noise and predict it.
+    # In decreasing order: with too weak smoothing the rotations follow the noise and predict it.
     best = smoother.split(sample, _STRENGTHS[0])
     for strength in _STRENGTHS[1:]:
         found = smoother.split(sample, strength)
@@ -77,8 +77,9 @@ class _Split:
         smooth: s (N, V, 3).
         rotations: R (N, V, 3, 3).
         detail: (N, V, 3) in the common frame, before it is averaged.
-        prediction_error: root mean square of what neighbours and other shapes do not predict.
-        noise: the same by the median, which detail of single places does not move.
+        prediction_error: root mean square error of the prediction by neighbours and other shapes.
+        noise: the same deviation, estimated by the median, which few vertices with detail of their
+            own do not change.
     """
 
     strength: float
@@ -97,7 +98,7 @@ class _Smoother:
     """Least squares of positions with the squared second differences of their neighbourhoods."""
 
     def __init__(self, shapes: MeshSequence) -> None:
-        """Set up the differences; they are uniform, since noise has spoilt the angles."""
+        """Set up the differences; their weights are uniform, since noise distorts angles."""
         V = shapes.vertices.shape[1]
         i, j = edges(shapes.faces).T
         ones = np.ones(2 * len(i))
@@ -117,13 +118,13 @@ class _Smoother:
         smooth = np.concatenate([self._smooth(system, block) for block in _blocks(shapes)])
         rotations = np.stack([self._rotations(smooth[0], shape) for shape in smooth])
         detail = np.einsum("nvba,nvb->nva", rotations, shapes - smooth)
-        # Mean diagonal of the smoothing: the share of a vertex's own position in its prediction.
+        # Mean diagonal of the smoothing: a vertex's own share in its smoothed position.
         probes = np.random.default_rng(0).choice([-1.0, 1.0], size=(V, _PROBES))
         own = float((probes * system.solve(probes)).mean())
         others = (detail.sum(axis=0) - detail) / (N - 1)
-        # The mean of the others has noise of its own.
+        # The mean of the others has noise, too, of variance 1/(N − 1).
         residual = (detail - others) / ((1.0 - own) * np.sqrt(N / (N - 1)))
-        noise = float(np.median(np.abs(residual))) / _MEDIAN
+        noise = float(np.median(np.abs(residual))) / _NORMAL_MEDIAN
         rms = float(np.sqrt((residual**2).mean()))
         return _Split(strength, smooth, rotations, detail, rms, noise)
 

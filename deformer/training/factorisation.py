@@ -1,9 +1,8 @@
 """Training by alternating least squares: the components of the default configuration.
 
-Where the encoder is a projection the network is its decoder alone, x = tanh(C z + b). In front of
-the tanh that is a factorisation, and a factorisation has better steps than gradients: codes and
-components are each the best for the other in turn, with the sparse localised components of
-`sparse_components.Factorisation`.
+If the encoder is a projection, the network is its decoder alone, x = tanh(C z + b). In front of the
+tanh that is a matrix factorisation, which alternating minimisation solves faster than gradients do:
+codes and components are optimised in turn, by `sparse_components.Factorisation`.
 """
 
 from __future__ import annotations
@@ -33,11 +32,11 @@ from deformer.training.loop import (
 )
 from deformer.training.sparse_components import Factorisation, LocalisedSettings
 
-# Scaled features beyond this count as this much: there the tanh says nothing any more.
+# Scaled features are clipped to ± this before artanh.
 _SATURATED = 0.99
-# Least weight of sparsity far from a component's centre, for data of unit variance.
-_BEYOND = 2.0
-# Features of a vertex that neither turns nor stretches.
+# Least weight of sparsity from d_max on, for data of unit variance.
+_FAR_SPARSITY = 2.0
+# Features of a vertex without rotation and stretch.
 _UNDEFORMED = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
 
 
@@ -55,20 +54,20 @@ def factor(
 
     Args:
         x: (N, V, 9) scaled features of the training shapes.
-        scaler: their scaling; the undeformed shape's features become the decoder's bias.
+        scaler: their scaling; the undeformed shape's features give the decoder's bias.
         geodesics: distances over the reference, for Λ.
-        config: its `training` is a `FactorisationSettings` with a sparsity.
+        config: configuration, whose `training` is a `FactorisationSettings` with a sparsity.
         checkpoint: folder written every half minute and on interruption, or None.
-        resume: continue from `checkpoint`; every number comes out as without the stop.
+        resume: continue from `checkpoint`; the result is that of an uninterrupted training.
         on_progress: called after every round.
 
     Returns:
-        The weights. Ctrl-C ends the training early, after the round under way; the checkpoint is
-        saved and the weights so far returned.
+        The weights. Ctrl-C ends the training after the current round; the checkpoint is then saved
+        and the weights so far are returned.
 
     Raises:
-        InputError: the config trains otherwise or leaves the sparsity open, or the checkpoint is
-            not to be used.
+        InputError: the config is of another method or without a sparsity, or the checkpoint cannot
+            be used.
     """
     training = config.training
     if not isinstance(training, FactorisationSettings):
@@ -79,9 +78,9 @@ def factor(
     data = (np.arctanh(np.clip(x, -_SATURATED, _SATURATED)) - bias).astype(np.float32)
     unit = float(np.sqrt((data**2).mean())) or 1.0
     data /= unit
-    settings = LocalisedSettings(training.sparsity, config.d_min, config.d_max, _BEYOND)
+    settings = LocalisedSettings(training.sparsity, config.d_min, config.d_max, _FAR_SPARSITY)
     problem = Factorisation(data, geodesics.normalised_row, config.components, settings)
-    course = run_training(
+    outcome = run_training(
         _Rounds(problem),
         training.epochs,
         identity_of(x, config, 0),
@@ -90,7 +89,7 @@ def factor(
         on_progress=on_progress,
     )
     terms = problem.terms()
-    return TrainingResult(_weights(problem, unit, bias), sum(terms), terms[0], *course)
+    return TrainingResult(_weights(problem, unit, bias), sum(terms), terms[0], *outcome)
 
 
 class _Rounds:

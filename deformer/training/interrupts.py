@@ -1,4 +1,4 @@
-"""Ctrl-C between two steps of long work, and never within one."""
+"""Handling of Ctrl-C between the steps of a long computation, never within one."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ import threading
 
 
 class DeferredInterrupt:
-    """Turns Ctrl-C into a flag, so that a step is never cut in half; a second one is immediate."""
+    """Within the block, Ctrl-C sets the flag `requested`; a second Ctrl-C interrupts at once."""
 
     def __enter__(self) -> DeferredInterrupt:
-        """Begin to listen."""
-        self.asked = False
-        # Signals can only be handled in the main thread; elsewhere Ctrl-C goes to that one anyway.
+        """Replace the handling of Ctrl-C."""
+        self.requested = False
+        # Only the main thread can handle signals, and Ctrl-C always goes to it.
         self._main = threading.current_thread() is threading.main_thread()
         if self._main:
-            self._previous = signal.signal(signal.SIGINT, self._ask)
+            self._previous = signal.signal(signal.SIGINT, self._request)
         return self
 
-    def _ask(self, number: int, frame: object) -> None:
-        self.asked = True
+    def _request(self, number: int, frame: object) -> None:
+        self.requested = True
         signal.signal(signal.SIGINT, self._previous)
 
     def __exit__(self, *error: object) -> None:
-        """Leave the handling of Ctrl-C as it was."""
-        if self._main and not self.asked:
+        """Restore the handling of Ctrl-C."""
+        if self._main and not self.requested:
             signal.signal(signal.SIGINT, self._previous)

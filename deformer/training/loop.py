@@ -1,4 +1,4 @@
-"""The loop around every training: progress, checkpoints, interruption and exact resuming."""
+"""The loop of every training: progress, checkpoints, interruption and exact resumption."""
 
 from __future__ import annotations
 
@@ -18,17 +18,19 @@ from deformer.training.interrupts import DeferredInterrupt
 
 _CHECKPOINT_SECONDS = 30.0
 
-# What a checkpoint holds: JSON values, and arrays.
+# Contents of a checkpoint: JSON values, and arrays.
 State = tuple[dict[str, Any], dict[str, NDArray]]
 
 
 @dataclass(frozen=True)
 class TrainingProgress:
-    """What a progress callback is told.
+    """Progress of a training.
 
-    `stage` is "features" (done of total shapes), "training" (done of total epochs) or
-    "cross-validation" (done of total epochs and handle fits of trials); the loss terms are weighted
-    as they enter the loss, and zero outside of training.
+    Args:
+        stage: "features", "training" or "cross-validation".
+        done, total: numbers of shapes, of epochs, or of epochs and handle fits of all trials.
+        loss: sum of the terms; 0 outside of training, as they are.
+        reconstruction, sparsity, range: terms of the loss with their weights; see `losses.Loss`.
     """
 
     stage: str
@@ -45,7 +47,16 @@ ProgressCallback = Callable[[TrainingProgress], None]
 
 @dataclass(frozen=True)
 class TrainingResult:
-    """The weights of the trained network and how it came about."""
+    """The result of a training.
+
+    Args:
+        weights: weights of the trained network.
+        loss: its total loss.
+        reconstruction: the loss's reconstruction term.
+        epochs: number of epochs trained.
+        seconds: duration, including that before a resumption.
+        interrupted: true if the training ended before the last epoch.
+    """
 
     weights: NetworkWeights
     loss: float
@@ -56,14 +67,14 @@ class TrainingResult:
 
 
 class Trainee(Protocol):
-    """What is trained, one step at a time; `start` or `restore` comes first."""
+    """A training method, one step at a time; `start` or `restore` is called first."""
 
     def start(self) -> None:
-        """Begin anew."""
+        """Initialise the weights."""
         ...
 
     def step(self, epoch: int) -> tuple[float, ...]:
-        """Take step `epoch`, from 0; give the terms of the loss in `TrainingProgress`'s order."""
+        """Take step `epoch`, from 0; returns the terms of the loss, as in `TrainingProgress`."""
         ...
 
     def state(self) -> State:
@@ -71,12 +82,18 @@ class Trainee(Protocol):
         ...
 
     def restore(self, status: dict[str, Any], arrays: dict[str, NDArray]) -> None:
-        """Go on from a `state`."""
+        """Continue from a `state`."""
         ...
 
 
-class Course(NamedTuple):
-    """How far a training came: steps and seconds with those before a stop, whether cut short."""
+class Outcome(NamedTuple):
+    """How a training ended.
+
+    Args:
+        epochs: number of steps taken, including those before a resumption.
+        seconds: their duration.
+        interrupted: true if the training ended before the last step.
+    """
 
     epochs: int
     seconds: float
@@ -84,7 +101,13 @@ class Course(NamedTuple):
 
 
 def identity_of(x: FloatArray, config: ModelConfig, seed: int) -> dict[str, Any]:
-    """What decides a run on scaled features (N, V, 9); a checkpoint is good for no other."""
+    """Identity of a training run, which a checkpoint must have to be resumed; JSON values.
+
+    Args:
+        x: (N, V, 9) scaled features.
+        config: configuration of the training.
+        seed: seed of the training.
+    """
     shapes = [*x.shape, float(np.abs(x).sum()), float(x.std())]
     return {"config": config.as_dict(), "seed": seed, "shapes": shapes}
 
@@ -97,22 +120,22 @@ def run_training(
     checkpoint: Path | None = None,
     resume: bool = False,
     on_progress: ProgressCallback | None = None,
-) -> Course:
-    """Take a training's steps up to `epochs`.
+) -> Outcome:
+    """Take the steps of a training, up to `epochs`.
 
-    Ctrl-C, and a KeyboardInterrupt that `on_progress` raises, end it early, after the step under
-    way, with the checkpoint saved.
+    Ctrl-C, and a KeyboardInterrupt that `on_progress` raises, end the training after the current
+    step, with the checkpoint saved.
 
     Args:
-        trainee: what takes the steps.
-        epochs: steps of the whole training.
-        identity: of `identity_of`.
+        trainee: takes the steps.
+        epochs: number of steps of the whole training.
+        identity: result of `identity_of`.
         checkpoint: folder written every half minute and on interruption, or None.
-        resume: continue from `checkpoint`; every number comes out as without the stop.
+        resume: continue from `checkpoint`; the result is that of an uninterrupted training.
         on_progress: called after every step.
 
     Raises:
-        InputError: there is nothing to resume, or it is of another identity.
+        InputError: there is no checkpoint to resume, or it is of another identity.
     """
     epoch, seconds = 0, 0.0
     if resume:
@@ -132,7 +155,7 @@ def run_training(
 
     try:
         with DeferredInterrupt() as interrupt:
-            while epoch < epochs and not interrupt.asked:
+            while epoch < epochs and not interrupt.requested:
                 terms = trainee.step(epoch)
                 epoch += 1
                 seconds = time.monotonic() - begun
@@ -141,9 +164,9 @@ def run_training(
                 if time.monotonic() - saved > _CHECKPOINT_SECONDS:
                     save()
                     saved = time.monotonic()
-        interrupted = interrupt.asked
-    except KeyboardInterrupt:  # from the callback: between two steps, too
+        interrupted = interrupt.requested
+    except KeyboardInterrupt:  # raised by the callback, between two steps
         interrupted = True
     if interrupted:
         save()
-    return Course(epoch, seconds, interrupted)
+    return Outcome(epoch, seconds, interrupted)

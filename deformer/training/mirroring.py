@@ -1,4 +1,4 @@
-"""Mirror images of example shapes: a symmetric body can also do on the left what it did right."""
+"""Mirror images of example shapes: a symmetric body can do with its left what its right does."""
 
 from __future__ import annotations
 
@@ -15,35 +15,34 @@ from deformer.acap import (
 )
 from deformer.geometry import FloatArray, IntArray, Mesh, MeshSequence, Symmetry, find_symmetry
 
-# Shapes mirrored at once: bounded memory.
+# Shapes mirrored at once: bounds memory.
 _BATCH = 40
-# Evenly spread shapes among which the most symmetric one is sought.
+# Number of evenly spread shapes, of which the most symmetric one is chosen.
 _SYMMETRY_CANDIDATES = 16
-# Evenly spread examples on which mirror images are tried; by which share their images must lower
-# the residual of ridge regression; and its ridge, as a share of the mean squared length.
+# The trial of mirror images: number of evenly spread examples, the share by which images must lower
+# the residual of ridge regression, and the ridge as a share of the mean squared length.
 _TRIAL_EXAMPLES = 64
 _LEAST_GAIN = 0.1
 _RIDGE = 0.01
 
 
 def mirror_images(shapes: MeshSequence) -> tuple[FloatArray, Symmetry]:
-    """Every shape (N, V, 3) mirrored, with the vertices where the connectivity has them.
+    """Mirror images of shapes, in the same connectivity.
 
-    Example shapes hold poses in which left and right differ, of bodies that are never quite
-    symmetric. So the deformation against the most symmetric shape s is mirrored and not the
-    surface: its gradient at a vertex is that at the point of s opposite to it, reflected. What
-    differs between the two halves of s stays where it is.
+    Bodies are never quite symmetric. Mirrored is therefore not the surface but its deformation
+    against the most symmetric shape s: the image's gradient at a vertex is the reflected gradient
+    at the opposite point of s. Differences between the two halves of s remain on their sides.
 
     Args:
         shapes: N shapes.
 
     Returns:
-        The images, and the symmetry of s.
+        The images (N, V, 3), and the symmetry of s.
     """
     V = shapes.vertices
     candidates = _evenly_spread(len(V), _SYMMETRY_CANDIDATES)
     planes = [(find_symmetry(shapes.mesh(n)), n) for n in candidates]
-    # Of shapes that are as symmetric, the first, whatever the rounding.
+    # The first of the equally symmetric shapes, with a tolerance: rounding must not decide.
     limit = 1.01 * min(plane.error for plane, _ in planes) + 1e-6
     plane, n = next(entry for entry in planes if entry[0].error <= limit)
     rest = shapes.mesh(n)
@@ -61,7 +60,7 @@ def mirror_images(shapes: MeshSequence) -> tuple[FloatArray, Symmetry]:
 def reflected(q: FloatArray, normal: FloatArray) -> FloatArray:
     """Features (..., 9) of gradients reflected in a plane: M T M, M = I − 2 n nᵀ.
 
-    The rotation vector is axial, r to −M r; the stretch goes to M S M.
+    The rotation vector r is axial and becomes −M r; the stretch S becomes M S M.
 
     Args:
         q: (..., 9) features.
@@ -77,9 +76,9 @@ def reflected(q: FloatArray, normal: FloatArray) -> FloatArray:
 def images_explain(x: FloatArray, images: FloatArray) -> bool:
     """True if mirror images explain examples better than the other examples alone.
 
-    Each example is rebuilt by ridge regression from all others, and from those and their images;
-    its own image counts as itself. Images of a body that has no symmetry, or whose motion has none,
-    are of no more use than noise: the residual does not shrink.
+    Ridge regression predicts each example from all others, without and with the images (its own
+    image is left out, too). If body or motion are not symmetric, images are of no more use than
+    noise, and the residual does not shrink.
 
     Args:
         x: (N, V, 9) scaled features of the examples.
@@ -102,7 +101,7 @@ def _residual(x: FloatArray, basis: FloatArray, own: IntArray) -> float:
     total = 0.0
     for n in range(len(x)):
         k = np.flatnonzero(own != n)
-        # About the mean of the rows that count, through inner products alone.
+        # About the mean of the rows in k, by inner products alone.
         centred = G[np.ix_(k, k)]
         means, mean = centred.mean(axis=0), centred.mean()
         centred = centred - means - means[:, None] + mean
@@ -120,7 +119,7 @@ def _evenly_spread(count: int, most: int) -> list[int]:
 
 
 def _opposite_points(mesh: Mesh, plane: Symmetry) -> sparse.csr_array:
-    """Values at the point of the surface nearest to each vertex's mirror image: (V, V) weights."""
+    """Interpolation (V, V) to the point of the surface nearest to each vertex's mirror image."""
     image = plane.mirror(mesh.vertices)
     faces = np.ascontiguousarray(mesh.faces, dtype=np.int64)
     _, face, point = igl.point_mesh_squared_distance(image, mesh.vertices, faces)

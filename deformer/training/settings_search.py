@@ -13,27 +13,26 @@ from deformer.training.loop import ProgressCallback, TrainingProgress
 from deformer.training.training_set import TrainingSet
 
 # Candidate noises of handle fits, in bounding diagonals. Smaller ones recover more from many
-# handles, but lead to a wrong pose now and then where there are fewer than those tried here.
+# handles, but sometimes lead to a wrong pose with fewer handles than cross-validation tries.
 HANDLE_NOISES = (0.0005, 0.001, 0.002, 0.004, 0.008)
 # Candidate values of λ₁, the sparsest components first.
 SPARSITIES = (2.0, 0.2, 0.02)
-# Rounds of a factorisation that only serves the choice.
+# Most rounds of a trial's factorisation.
 _TRIAL_EPOCHS = 15
-# By how much the logarithm of the error has to fall for less sparse components: three shapes do
-# not tell smaller gains apart.
+# The logarithm of the error must fall by this much for less sparse components: with three held-out
+# shapes smaller gains are not significant.
 _LEAST_GAIN = 0.15
 
 
 class SettingsSearch:
-    """Finds λ₁, if the configuration leaves it open, and the noise of handle fits.
+    """Chooses λ₁, if the configuration leaves it open, and the noise of handle fits.
 
-    Shorter trainings on most examples are measured on the others. How many examples there are for
-    a set's degrees of freedom decides how sparse the components have to be: the largest λ₁ that is
-    nearly the best is chosen.
+    Shorter trainings on most examples are tested on the others. Sets with few examples for their
+    degrees of freedom need sparser components: the largest λ₁ that is nearly the best is chosen.
 
     Args:
         examples: the training set.
-        config: trained by factorisation.
+        config: configuration, whose `training` is a `FactorisationSettings`.
         on_progress: called after every round and handle fit, with the stage "cross-validation".
     """
 
@@ -67,14 +66,14 @@ class SettingsSearch:
         return self._config.with_training(sparsity=sparsity), noise
 
     def _errors(self, sparsity: float) -> FloatArray | None:
-        """Logarithmic errors of shapes left out, by handle noise; None with too few shapes."""
+        """Logarithms of errors of held-out shapes, by handle noise; None with too few shapes."""
         config = self._config.with_training(sparsity=sparsity, epochs=self._epochs)
         examples = self._examples
         train = partial(self._train, config)
         return held_out_errors(train, examples.shapes, examples.geodesics, HANDLE_NOISES, 0)
 
     def _train(self, config: ModelConfig, indices: IntArray) -> HandleFit:
-        """Handle fits of a model that is trained on some of the shapes."""
+        """Handle fits of a model that is trained on the shapes at `indices`."""
         examples = self._examples.subset(indices)
         result = examples.train_network(config, on_progress=self._report)
         if result.interrupted:
@@ -85,16 +84,16 @@ class SettingsSearch:
     def _poses(
         self, solver: HandleSolver, vertices: IntArray, targets: FloatArray, noises: Sequence[float]
     ) -> Iterator[FloatArray]:
-        """Poses (V, 3) by exact handles, one for each noise."""
+        """Positions (V, 3) fitted to exact handles, for each noise."""
         solver.set_handles(vertices, targets, hard=True)
         for number, noise in enumerate(noises):
             solver.set_prior(noise=noise)
             if number == 0:
                 pose = solver.solve()
             else:
-                # On from the last noise: sooner, if now and then in another minimum.
+                # From the pose of the last noise on: faster, but sometimes another minimum.
                 solver.solve_to_convergence()
-                # As a cold solve gives it.
+                # The surface as a solve from the start gives it.
                 pose = solver.relax()
             yield pose.vertices
             self._report()

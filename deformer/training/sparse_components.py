@@ -19,32 +19,35 @@ from deformer.network import locality_row
 # Distances (M,) from one site to all.
 Distances = Callable[[int], FloatArray]
 
-# A residual this small, of data of unit variance, is rounding: no component is made of it.
+# Residuals up to this, of data of unit variance, count as rounding errors.
 _ROUNDING = 1e-10
 
-# Penalty of the augmented Lagrangian, and its iterations a round, of the authors' program.
+# Penalty ρ of the augmented Lagrangian, and ADMM iterations a round, as in the authors' program.
 _PENALTY = 10.0
 _ADMM_ITERATIONS = 10
 
 
 @dataclass(frozen=True)
 class LocalisedSettings:
-    """What is asked of the components.
+    """Settings of `localised_components`.
 
     Args:
         sparsity: λ, for data of unit variance.
-        d_min, d_max: distance from a component's centre, in the unit of the distances, up to which
-            nothing and from which on all of λ is charged.
-        beyond: the least that is charged from d_max on: with a small λ components stay local by it.
-        signed: weights lie in [−1, 1], or else in [0, 1]; the largest of a component is 1.
-        tolerance: the rounds end when the objective falls by less than this share of itself,
-        rounds: or after as many.
+        d_min, d_max: distances from a component's centre, in the unit of the distances, between
+            which Λ rises from 0 to 1.
+        far_sparsity: least value of λ Λ from d_max on; it keeps components local if λ is small.
+        signed: true for weights in [−1, 1], false for [0, 1]; a component's largest is 1.
+        tolerance: the rounds end when the objective falls by less than this share of itself.
+        rounds: greatest number of rounds.
+
+    Raises:
+        InputError: a value out of its range.
     """
 
     sparsity: float = 2.0
     d_min: float = 0.2
     d_max: float = 0.4
-    beyond: float = 0.0
+    far_sparsity: float = 0.0
     signed: bool = True
     tolerance: float = 1e-3
     rounds: int = 50
@@ -66,10 +69,10 @@ class Localised:
     """Data (N, M, D) ≈ weights (N, K) times components (K, M, D).
 
     Args:
-        components: (K, M, D) in the unit of the data; exactly 0 outside their supports. Where the
-            data have less to tell than K components, the last ones are 0.
-        weights: (N, K) of the training data, the largest magnitude of a component 1.
-        centres: (K,) site that each component lies around.
+        components: (K, M, D) in the unit of the data; exactly 0 outside their supports. If fewer
+            than K components explain the data, the last ones are 0.
+        weights: (N, K) of the training data; the largest magnitude of a component's is 1.
+        centres: (K,) int64 central site of each component.
         objective: (rounds + 1,) value before the first round and after each; never rises.
     """
 
@@ -89,23 +92,24 @@ def localised_components(
 
     Neumann et al. 2013, objective; Λ is that of Tan et al. 2018, equation 5.
 
-    Λ_ki grows from 0 to 1 with the distance of site i from the centre of component k. The
-    components start by greedy deflation: each takes the site that moves most in the residual.
-    Then rounds of three steps: the weights by block coordinate descent in their range, the centres
-    to the sites where the components are largest, the components by ADMM. Where the paper scales a
-    weight into its range and lets the component catch up, here the component is scaled with it; and
-    a step that would raise the objective is not taken, so that it never rises. Nothing is random.
+    Λ_ki rises from 0 to 1 with the distance of site i from the centre of component k. The
+    components are initialised by greedy deflation: the centre of each is the site with the largest
+    residual. Each round has three steps: it fits the weights by block coordinate descent within
+    their range, moves the centres to the sites where the components are largest, and fits the
+    components by ADMM. Two things differ from the paper: when a weight is scaled into its
+    range, the component is scaled inversely at once, and a step that would raise the objective is
+    not taken. Nothing is random.
 
     Args:
         data: (N, M, D) differences from a reference or a mean, in any unit, D numbers a site;
-            numbers of different kinds should have been brought to one scale before. It is divided
-            by its root mean square inside, for λ to mean the same in any unit.
-        distances: gives the distances (M,) from a site to all, non-negative, infinite where there
-            is no way; in the unit of d_min and d_max (of the largest extent, say). It is asked for
-            few sites more than K.
-        count: K, components.
-        settings: the authors' λ when None, and the range that Tan et al. (AAAI 2018) use for
-            distances in units of the largest one.
+            numbers of different kinds should have one scale. The data are divided by their root
+            mean square, so that λ means the same in any unit.
+        distances: gives the distances (M,) from a site to all sites, non-negative, infinite for
+            sites that are not connected, in the unit of d_min and d_max. It is called for few more
+            than K sites.
+        count: K, number of components.
+        settings: None is the authors' λ, and the d_min and d_max of Tan et al. 2018, for distances
+            in units of the largest one.
 
     Raises:
         InputError: the data are not (N, M, D) and finite, or K is below 1.
@@ -130,20 +134,19 @@ def localised_components(
 
 
 class Factorisation:
-    """The unknowns W (N, K), C (K, M·D), the centres, and the three steps that improve them.
+    """The unknowns W (N, K), C (K, M·D) and the centres, and the three steps that improve them.
 
-    Works in the precision of the data. All is 0 until `start`, or until `restore` takes over the
-    `state` of another process.
+    Their dtype is that of the data. All unknowns are 0 until `start` or `restore` sets them.
 
     Args:
-        X: (N, M, D) of unit variance.
-        distances, count, settings: as `localised_components` takes them.
+        X: (N, M, D) data of unit variance, of any floating dtype.
+        distances, count, settings: as in `localised_components`.
     """
 
     def __init__(
         self, X: NDArray, distances: Distances, count: int, settings: LocalisedSettings
     ) -> None:
-        """Take over the data."""
+        """Allocate the unknowns."""
         N, self._sites, D = X.shape
         self._X = X.reshape(N, -1)
         self._squares = float(np.einsum("nm,nm->", self._X, self._X, dtype=np.float64))
@@ -156,14 +159,14 @@ class Factorisation:
         self._dual = np.zeros_like(self.C)
 
     def start(self) -> None:
-        """Begin with the components of a greedy deflation."""
+        """Initialise the unknowns by greedy deflation."""
         residual = self._X.reshape(len(self._X), self._sites, -1).copy()
         for k in range(len(self.C)):
             site = int((residual**2).sum((0, 2)).argmax())
             left, scale, _ = np.linalg.svd(residual[:, site], full_matrices=False)
-            weight = self._largest_one(left[:, 0] * scale[0])
+            weight = self._normalised(left[:, 0] * scale[0])
             self.centres[k], locality = site, self._locality(site)
-            self._penalty[k] = self._charge(locality)
+            self._penalty[k] = self._length_weights(locality)
             if scale[0] <= _ROUNDING * np.sqrt(len(weight)):
                 continue
             # c_i = (1 − Λ_i) Σ_n w_n r_ni / Σ_n w_n²
@@ -173,33 +176,33 @@ class Factorisation:
             self.W[:, k], self.C[k] = weight, component.ravel()
 
     def round(self) -> None:
-        """One improvement of weights, centres and components."""
+        """Improve weights, centres and components once."""
         self.fit_weights()
         self.move_centres()
         self.fit_components()
 
     @property
     def state(self) -> dict[str, np.ndarray]:
-        """All that later rounds depend on."""
+        """Arrays that later rounds depend on, by name."""
         return {"W": self.W, "C": self.C, "centres": self.centres, "dual": self._dual}
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Go on from a `state` of the same problem."""
+        """Continue from a `state` of the same problem."""
         self.W, self.C, self._dual = (state[name].copy() for name in ("W", "C", "dual"))
         self.centres = state["centres"].copy()
         for k, site in enumerate(self.centres.tolist()):
-            self._penalty[k] = self._charge(self._locality(site))
+            self._penalty[k] = self._length_weights(self._locality(site))
 
-    def _charge(self, locality: FloatArray) -> FloatArray:
-        """What each site's length costs, from Λ (M,)."""
-        charge = self._settings.sparsity * locality
-        return np.where(locality < 1.0, charge, np.maximum(charge, self._settings.beyond))
+    def _length_weights(self, locality: FloatArray) -> FloatArray:
+        """Weight (M,) of each site's length in the objective, λ Λ or more, from Λ (M,)."""
+        weights = self._settings.sparsity * locality
+        return np.where(locality < 1.0, weights, np.maximum(weights, self._settings.far_sparsity))
 
     def _locality(self, site: int) -> FloatArray:
         return locality_row(self._distances(site), self._settings.d_min, self._settings.d_max)
 
-    def _largest_one(self, weight: FloatArray) -> FloatArray:
-        """A weight of the right range along ±`weight`."""
+    def _normalised(self, weight: FloatArray) -> FloatArray:
+        """Weights (N,) in range, along ±`weight`, the largest magnitude 1."""
         if not self._settings.signed:
             weight = max((np.maximum(weight, 0), np.maximum(-weight, 0)), key=np.linalg.norm)
         largest = np.abs(weight).max()
@@ -221,17 +224,17 @@ class Factorisation:
         """`terms` of other components C, from Wᵀ W and Wᵀ X: no residual is formed."""
         cross = float(np.einsum("km,km->", against, C, dtype=np.float64))
         own = float((gram.astype(np.float64) * (C @ C.T)).sum())
-        charge = float((self._penalty * self._lengths(C)).sum(dtype=np.float64))
-        return max(0.0, 0.5 * (self._squares - 2.0 * cross + own)), charge
+        penalty = float((self._penalty * self._lengths(C)).sum(dtype=np.float64))
+        return max(0.0, 0.5 * (self._squares - 2.0 * cross + own)), penalty
 
     def fit_weights(self) -> None:
-        """One sweep over the columns of W, each to its best in range, scaling C_k where it helps.
+        """Minimise over each column of W in turn, within range, scaling C_k where it helps.
 
         Of the misfit only ½‖C_k‖²‖w − w*‖² depends on w = W_k, with w* the unconstrained best.
         """
         gram = self.C @ self.C.T
         against = self._X @ self.C.T
-        charge = (self._penalty * self._lengths(self.C)).sum(1)
+        penalty = (self._penalty * self._lengths(self.C)).sum(1)
         lowest = -1.0 if self._settings.signed else 0.0
         for k in range(len(self.C)):
             if gram[k, k] == 0:
@@ -242,10 +245,10 @@ class Factorisation:
             clipped = np.clip(best, lowest, 1.0)
             scale = float(np.abs(free).max())
             gain = gram[k, k] / 2 * (((clipped - best) ** 2).sum() - ((free - best) ** 2).sum())
-            if (scale - 1) * charge[k] > gain:
+            if (scale - 1) * penalty[k] > gain:
                 self.W[:, k] = clipped
                 continue
-            # w / m and m C_k: the same product, the largest weight 1.
+            # w / scale and scale · C_k: the same product, with the largest weight 1.
             self.W[:, k] = free / scale if scale > 0 else 0.0
             self.C[k] *= scale
             gram[k] *= scale
@@ -253,17 +256,17 @@ class Factorisation:
             against[:, k] *= scale
 
     def move_centres(self) -> None:
-        """Centre each component where it is largest, if it costs less there."""
+        """Move each centre to the site where the component is largest, if that lowers the cost."""
         lengths = self._lengths(self.C)
         for k, site in enumerate(lengths.argmax(1).tolist()):
             if site == self.centres[k]:
                 continue
-            penalty = self._charge(self._locality(site))
+            penalty = self._length_weights(self._locality(site))
             if penalty @ lengths[k] <= self._penalty[k] @ lengths[k]:
                 self.centres[k], self._penalty[k] = site, penalty
 
     def fit_components(self) -> None:
-        """Components for the present weights and centres: ADMM, the dual kept between rounds."""
+        """Fit components to the current weights and centres by ADMM, from the last round's dual."""
         gram, against = self.W.T @ self.W, self.W.T @ self._X
         inverse = np.linalg.inv(gram + _PENALTY * np.eye(len(gram), dtype=gram.dtype))
         fixed, moving = inverse @ against, _PENALTY * inverse
@@ -278,7 +281,7 @@ class Factorisation:
             self.C = Z
 
     def _shrunk(self, C: FloatArray) -> FloatArray:
-        """Proximal map of λ Λ_ki ‖·‖₂ / ρ: sites shorter than the charge vanish."""
+        """Proximal map of λ Λ_ki ‖·‖₂ / ρ: shorter sites than λ Λ_ki / ρ become 0."""
         lengths = self._lengths(C)
         with np.errstate(divide="ignore", invalid="ignore"):
             kept = np.maximum(0.0, 1.0 - self._penalty / (_PENALTY * lengths))

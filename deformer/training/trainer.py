@@ -1,4 +1,4 @@
-"""From example shapes to a model."""
+"""Training of a model from example shapes."""
 
 from __future__ import annotations
 
@@ -39,14 +39,15 @@ def train(
 
     Args:
         shapes: N shapes with one connectivity.
-        components: K, dimensions of the latent code; None keeps the config's.
+        components: K, the dimension of the latent code; None keeps the config's.
         config: "default", "paper" or a ModelConfig.
         epochs: training steps; None keeps the config's.
         align_shapes: remove each shape's rigid motion first; None keeps the config's.
-        split: {"train": [...], "test": [...]}; only "train" is looked at. None trains on all.
-        reference: index of the undeformed shape; None is shape 0, or the first training shape
-            where 0 is not one of them.
-        seed: of weights and mixed shapes.
+        split: {"train": indices, "test": indices}; the "test" shapes only serve to measure the
+            model's error. None trains on all shapes.
+        reference: index of the undeformed shape; None is shape 0, or the first training shape if 0
+            is not one.
+        seed: seed of weights and mixed shapes.
         device: "cpu", "cuda", "mps" or "auto".
         up: axis of the shapes that points up, "x" to "z" or "-x" to "-z"; kept for pictures.
         checkpoint: folder for checkpoints, or None.
@@ -54,12 +55,13 @@ def train(
         on_progress: called during feature extraction and after every epoch.
 
     Returns:
-        The model. After KeyboardInterrupt it is the best so far, and summary["interrupted"] is
-        True; before the training has begun, while features are extracted and settings are
-        chosen, it is raised.
+        The model. Ctrl-C during the training ends it: the model is then the best so far, and
+        summary["interrupted"] is True.
 
     Raises:
         InputError: too few shapes, a bad split, config, device or checkpoint.
+        KeyboardInterrupt: Ctrl-C before the training, while features are extracted and settings
+            are chosen.
 
     Source: Tan et al. 2018; `docs/equations.md` says which function has which of its equations.
     """
@@ -79,7 +81,7 @@ def train(
     if reference is None:
         reference = 0 if 0 in indices else indices[0]
     base = shapes.mesh(reference)
-    # Before the training, so that a bad index is found at once.
+    # Before the training, so that an invalid index is reported at once.
     test_shapes = shapes.subset(split["test"]).vertices if split["test"] else None
 
     def on_features(done: int, total: int) -> None:
@@ -122,7 +124,7 @@ def train(
 
 
 def _outcome(result: TrainingResult) -> dict[str, Any]:
-    """What a model's summary says of its training."""
+    """Entries of a model's summary about its training."""
 
     def finite(value: float) -> float | None:
         return value if np.isfinite(value) else None

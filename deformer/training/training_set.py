@@ -1,4 +1,4 @@
-"""What a network is trained on: example shapes, prepared, and their scaled features."""
+"""The training set of a network: prepared example shapes and their scaled features."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from deformer.training.mirroring import images_explain, mirror_images
 
 @dataclass(frozen=True, eq=False)
 class TrainingSet:
-    """Example shapes and what training needs of them.
+    """Prepared example shapes and their scaled features.
 
     Args:
-        shapes: N training shapes, aligned and without noise as the configuration asks.
-        extractor: of features against their reference.
-        scaler: of their features.
-        x: (N or 2N, V, 9) scaled features of the shapes and, if these are trained on, of their
-            mirror images.
-        noise: standard deviation of the noise that was taken off, in bounding diagonals.
+        shapes: N training shapes, aligned and denoised if the configuration says so.
+        extractor: extracts features against the reference.
+        scaler: scales the features.
+        x: (N or 2N, V, 9) scaled features of the shapes and, if the network is trained on them, of
+            their mirror images.
+        noise: standard deviation of the removed noise, in bounding diagonals.
     """
 
     shapes: MeshSequence
@@ -53,14 +53,14 @@ class TrainingSet:
         config: ModelConfig,
         on_features: Callable[[int, int], None] | None = None,
     ) -> TrainingSet:
-        """Align, denoise, extract features and add mirror images, as the configuration asks.
+        """Align and denoise shapes, extract their features, and add mirror images.
 
         Args:
             shapes: N training shapes.
             reference: the undeformed shape.
-            reference_index: of the reference among the shapes; None if it is not one of them.
-            config: its `align`, `denoised` and `mirrored`.
-            on_features: called with the numbers of shapes done and in all.
+            reference_index: index of the reference among the shapes; None if it is not one.
+            config: says by `align`, `denoised` and `mirrored` which steps are done.
+            on_features: called with the numbers of shapes done and of all shapes.
         """
         vertices = shapes.vertices
         if config.align:
@@ -78,12 +78,12 @@ class TrainingSet:
 
     @property
     def reference(self) -> Mesh:
-        """The undeformed shape, without noise if it was taken off."""
+        """The undeformed shape, denoised if the shapes are."""
         return self.extractor.reference
 
     @property
     def mirrored(self) -> bool:
-        """True where mirror images are trained on."""
+        """True if the training set includes mirror images."""
         return len(self.x) > len(self.shapes)
 
     @cached_property
@@ -96,7 +96,7 @@ class TrainingSet:
         return choose_samples(self.geodesics)
 
     def subset(self, indices: IntArray) -> TrainingSet:
-        """The training set of some of the shapes, with the same reference and scaling."""
+        """The training set of the shapes at `indices` (n,), with the same reference and scaling."""
         rows = np.concatenate([indices, indices + len(self.shapes)])
         x = self.x[rows[rows < len(self.x)]]
         return replace(self, shapes=self.shapes.subset(indices), x=x)
@@ -104,7 +104,14 @@ class TrainingSet:
     def train_network(
         self, config: ModelConfig, *, seed: int = 0, device: str = "cpu", **options: Any
     ) -> TrainingResult:
-        """Train a network by the configuration's method; `options` as in `factor` and `fit`."""
+        """Train a network by the configuration's method.
+
+        Args:
+            config: configuration, with a sparsity if the method is a factorisation.
+            seed: seed of weights and mixed shapes, for Adam.
+            device: "cpu", "cuda", "mps" or "auto", for Adam.
+            options: `checkpoint`, `resume` and `on_progress`, as in `factor` and `fit`.
+        """
         if isinstance(config.training, FactorisationSettings):
             return factor(self.x, self.scaler, self.geodesics, config, **options)
         # torch takes seconds to import; only Adam needs it.
@@ -120,7 +127,14 @@ class TrainingSet:
         split: dict[str, list[int]],
         summary: dict[str, Any],
     ) -> DeformationModel:
-        """The model of a trained network, with the statistics of these shapes."""
+        """The model of a trained network, with the statistics of the training shapes.
+
+        Args:
+            weights: weights of the network.
+            config: configuration of its training.
+            split: {"train": indices, "test": indices}, kept in the model.
+            summary: facts about the training (JSON values), kept in the model.
+        """
         N = len(self.shapes)
         network = weights, self.scaler, self.extractor.indptr, self.extractor.rings
         encoder = Encoder(*network, Decoder(*network) if config.projects else None)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deformer import Activations, ComponentAnalysis, InputError
-from deformer.analysis.components import activation_sharing
+from deformer.analysis.components import activation_correlations
 from shapes import sequence, small_model
 
 
@@ -83,7 +83,7 @@ def test_sharing_is_correlation():
         [0, 0, 0, 0, 0],
         [half, -half, half, 0, 1],
     ]
-    np.testing.assert_allclose(activation_sharing(codes), expected, atol=1e-12)
+    np.testing.assert_allclose(activation_correlations(codes), expected, atol=1e-12)
 
 
 def test_the_partner_shares_most(model):

@@ -140,8 +140,8 @@ def test_a_larger_charge_gives_smaller_supports():
 
 def test_far_from_its_centre_a_component_costs_as_much_whatever_is_charged_near():
     shares = []
-    for beyond in (0.0, 50.0):
-        settings = LocalisedSettings(sparsity=0.01, d_min=0.1, d_max=0.3, beyond=beyond)
+    for far_sparsity in (0.0, 50.0):
+        settings = LocalisedSettings(sparsity=0.01, d_min=0.1, d_max=0.3, far_sparsity=far_sparsity)
         found = localised_components(noise(), distances, 6, settings)
         far = np.array([distances(site) >= 0.3 for site in found.centres])
         there = np.linalg.norm(found.components, axis=2) > 0
