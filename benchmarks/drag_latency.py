@@ -1,11 +1,11 @@
-"""Time from a mouse move to new vertices, beside libigl's ARAP with the same handles.
+"""Time from a mouse move to new vertices, compared with libigl's ARAP on the same handles.
 
     python benchmarks/drag_latency.py MODEL SHAPES [--subdivide 0 1 2] [--handles 10]
 
-For the model, and for what it becomes when its mesh is subdivided: median and p95 over the frames
-of a drag from one shape to another, stage by stage; the ratios to libigl's as-rigid-as-possible
-deformation (10 iterations), to the plain reference implementation, and to the floor, the time in
-which the cores read once the bytes that a frame needs. All in one run.
+For the model, and for the same model on a subdivided mesh, it prints median and p95 over the frames
+of a drag from one shape to another, by stage. One run also gives the ratios to libigl's
+as-rigid-as-possible deformation (10 iterations), to the plain reference implementation, and to the
+floor: the time in which the cores read the bytes that a frame needs once.
 """
 
 import argparse
@@ -40,20 +40,20 @@ STAGES = {
 
 
 class Stopwatch:
-    """Time spent in some methods, while it is entered."""
+    """Context in which the time spent in the methods of STAGES is recorded."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, list[float]] = defaultdict(list)
-        self._kept = {name: getattr(*where) for name, where in STAGES.items()}
+        self._originals = {name: getattr(*where) for name, where in STAGES.items()}
 
     def __enter__(self):
         for name, (owner, method) in STAGES.items():
-            setattr(owner, method, self._timed(name, self._kept[name]))
+            setattr(owner, method, self._timed(name, self._originals[name]))
         return self
 
     def __exit__(self, *_):
         for name, (owner, method) in STAGES.items():
-            setattr(owner, method, self._kept[name])
+            setattr(owner, method, self._originals[name])
 
     def _timed(self, name, function):
         def timed(*arguments, **options):
@@ -75,7 +75,7 @@ def _read(start, stop, array):
 
 
 def bandwidth() -> float:
-    """Bytes a second that all cores together read from memory, median of several passes."""
+    """Bytes a second that all cores together read from memory; median of several passes."""
     array = np.ones(1 << 26, dtype=np.float32)
     times = []
     for _ in range(9):
@@ -86,9 +86,10 @@ def bandwidth() -> float:
 
 
 def subdivided(model: deformer.DeformationModel) -> deformer.DeformationModel:
-    """The model on its mesh with four faces for one: new vertices weigh as the edge's ends do.
+    """The model on its mesh with each face split into four.
 
-    C is halved and codes are doubled, since the sums over vertices grow fourfold.
+    The weights C of a new vertex are the mean of those at its edge's ends. C is halved and codes
+    are doubled, because the sums over vertices grow fourfold.
     """
     ref, C = model.reference, model.weights.C
     V = len(ref.vertices)
@@ -117,7 +118,7 @@ def arap(reference: deformer.Mesh, handles: np.ndarray, path: np.ndarray) -> lis
 
 
 def drag(solver, handles, path, hard, watch=None):
-    """Seconds a frame, and the largest step of a vertex a frame, in units of the mouse's."""
+    """Seconds of each frame, and the largest step of a vertex relative to the mouse's."""
     solver.set_handles(handles, path[0], hard=hard)
     last = solver.solve().vertices
     frames, steps = [], []
@@ -151,11 +152,11 @@ def measure(model, a, b, options, bytes_a_second) -> None:
     with Stopwatch() as watch:
         drag(solver, handles, path, hard)
     for _ in range(3):
-        settled = solver.solve(warm=True)
+        converged = solver.solve(warm=True)
     begun = time.perf_counter()
     cold = solver.solve()
     cold_time = time.perf_counter() - begun
-    rival = arap(model.reference, handles, np.array(path[:: max(1, len(path) // 20)]))
+    arap_times = arap(model.reference, handles, np.array(path[:: max(1, len(path) // 20)]))
     frame, p95 = np.percentile(frames * 1e3, [50, 95])
     floor = solver.basis.surface.bytes_of_a_frame / bytes_a_second
     table = Table(title=f"{V} vertices, K = {model.components}, {options.handles} handles, ms")
@@ -165,7 +166,7 @@ def measure(model, a, b, options, bytes_a_second) -> None:
     for name, times in watch.seconds.items():
         x, y = np.percentile(np.array(times[-len(path) :]) * 1e3, [50, 95])
         table.add_row(f"  {name}", f"{x:.2f}", f"{y:.2f}", f"{x / frame:.2f}")
-    x, y = np.percentile(np.array(rival) * 1e3, [50, 95])
+    x, y = np.percentile(np.array(arap_times) * 1e3, [50, 95])
     table.add_row("libigl ARAP, 10 iterations", f"{x:.1f}", f"{y:.1f}", f"{x / frame:.1f}")
     if options.reference:
         plain = ReferenceSolver(model)
@@ -184,7 +185,7 @@ def measure(model, a, b, options, bytes_a_second) -> None:
     console.print(
         f"set-up {setup:.2f} s, adding a handle {adding * 1e3:.1f} ms, cold solve "
         f"{cold_time * 1e3:.0f} ms; largest vertex step / largest mouse step {stretch:.2f}; energy "
-        f"3 frames after the stop / cold solve {settled.energy / cold.energy:.6f}\n"
+        f"3 frames after the stop / cold solve {converged.energy / cold.energy:.6f}\n"
     )
 
 
@@ -192,7 +193,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("model")
     parser.add_argument("shapes")
-    parser.add_argument("--subdivide", type=int, nargs="*", default=[0], help="how often")
+    parser.add_argument(
+        "--subdivide", type=int, nargs="*", default=[0], help="numbers of subdivisions"
+    )
     parser.add_argument("--handles", type=int, default=10)
     parser.add_argument("--frames", type=int, default=200)
     parser.add_argument("--soft", action="store_true", help="leave out exact handles")

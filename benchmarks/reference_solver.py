@@ -1,8 +1,8 @@
-"""The handle solve written down plainly: the oracle that `deformer.HandleSolver` is held against.
+"""A plain implementation of the handle solve, with which `deformer.HandleSolver` is compared.
 
-Same interface and same energies as the fast solver, no numerics in common with it: double
-precision, all vertices, derivatives by automatic differentiation, descents until nothing is gained,
-direct sparse solves. From a model only data are read.
+It has the interface and the energies of the fast solver, but no numerics in common with it: double
+precision, all vertices, derivatives by automatic differentiation, descents to convergence, direct
+sparse solves. It reads only data from a model.
 """
 
 from __future__ import annotations
@@ -25,28 +25,28 @@ from deformer.network import MeshAutoencoder
 # Prior standard deviations of the rigid motion: radians, and bounding diagonals.
 _ROTATION_SCALE = 0.3
 _TRANSLATION_SCALE = 1.0
-# Prior probability that a shape moves by these and not as the training shapes do.
+# Prior probability that these deviations apply, and not those of the training shapes.
 _ELSEWHERE = 0.01
-# A cold solve scores so many training codes and descends from the best few and from the mean.
+# A cold solve evaluates so many training codes, and descends from the best of them and the mean.
 _CANDIDATES = 60
 _STARTS = 8
-# A descent ends with a step that gains less (relative), or after so many.
+# A descent ends with a step of a smaller relative gain, or after so many steps.
 _TOLERANCE = 1e-12
 _STEPS = 200
 # Rounds of relaxation in a warm solve.
 _WARM_ROUNDS = 1
 # Over-relaxation of the local steps.
-_FURTHER = 1.5
-# Tension of the plate by which exact handles move the rest, over the reference's area.
+_OVER_RELAXATION = 1.5
+# Tension of the plate that spreads corrections at exact handles, over the reference's area.
 _TENSION = 100.0
-# Rows of a Jacobian at once: bounds memory.
+# Rows of the Jacobian computed at once; bounds the memory.
 _ROWS = 16
 
 Array = NDArray[np.float64]
 
 
 class ReferenceSolver:
-    """Finds the latent code, rigid motion and relaxed pose that meet the handles.
+    """Finds the latent code, rigid motion and relaxed pose for handles.
 
     Unknowns x = (y, ω, t): z = μ + L y with Σ = L Lᵀ, a rotation vector, and a translation in
     bounding diagonals D. With p_h(z) the handle in the decoded shape, relative to the centroid of
@@ -54,20 +54,20 @@ class ReferenceSolver:
 
         Σ_h w_h ‖Q(ω) p_h(z) + centroid + D t − q_h‖² / (σ D)² + ‖y‖² + ‖b(z)‖² + m(ω, t),
 
-    with b what bends more than in any example (`model.bend_limits`) and m = ‖ω‖²/0.3² + ‖t‖²/1²,
-    or, where that is less by the cost of freedom, with the deviations of the training shapes
-    (`model.rigid_prior`).
+    where b is the bending beyond all examples (`model.bend_limits`). m is the smaller of two costs:
+    that with the deviations of the training shapes (`model.rigid_prior`), and ‖ω‖²/0.3² + ‖t‖²/1²
+    plus the cost of freedom.
 
-    Where handles are hard, rounds of two steps begin at R = I: with b the right-hand side of
-    the edges ½ (R_i + R_j)(x_i − x_j) of the decoded shape x, positions p that minimise
-    (p − L⁻¹b)ᵀ K (p − L⁻¹b) with the handles exact, K being a thin plate under tension; and
-    rotations R_i that minimise Σ_j c_ij ‖(p_i − p_j) − R_i (x_i − x_j)‖².
+    Hard handles add rounds of a global and a local step, which start at R = I. With b the
+    right-hand side of the edges ½ (R_i + R_j)(x_i − x_j) of the decoded shape x, the global step
+    minimises (p − L⁻¹b)ᵀ K (p − L⁻¹b) over positions p with exact handles, K a thin plate under
+    tension; the local step minimises Σ_j c_ij ‖(p_i − p_j) − R_i (x_i − x_j)‖² over R_i.
 
     Args:
         model: the prior; any number of decoder layers.
-        rigid: let the whole shape rotate and translate; otherwise ω = t = 0.
+        rigid: true to let the whole shape rotate and translate; false fixes ω = t = 0.
         noise: σ.
-        relaxation: rounds of a cold solve; 0 meets the handles with R = I.
+        relaxation: rounds of a cold solve; 0 is one global step with R = I.
     """
 
     def __init__(
@@ -93,12 +93,12 @@ class ReferenceSolver:
         stiffening = self._laplacian @ sparse.diags_array(area.sum() / (_TENSION * area))
         self._bending = sparse.csc_array(stiffening + sparse.eye_array(len(v)))
         self._plate = self._bending @ self._laplacian
-        # Vertex 0 is held: what L leaves open is a translation.
+        # Vertex 0 is fixed, because L does not determine the translation.
         self._factor = splu(self._laplacian[1:, 1:])
         rings = one_rings(f, len(v))
         network = MeshAutoencoder.from_weights(model.weights, *rings)
         self._network = network.double().requires_grad_(False)
-        # Rounded to single precision by the network.
+        # The network has rounded this to single precision.
         degree = np.maximum(np.diff(rings[0]), 1)
         self._network.mean.register_buffer("inverse_degree", torch.tensor(1.0 / degree))
         self._mean, self._root = torch.tensor(model.prior.mean), torch.tensor(model.prior.factor)
@@ -122,34 +122,34 @@ class ReferenceSolver:
     ) -> None:
         """Replace all handles; arguments as those of `HandleSolver.set_handles`.
 
-        A vertex given twice has the sum of the weights and the weighted mean of the targets, and
-        is hard if one of the two is.
+        For a vertex given twice, weights are added and targets averaged with these weights; it is
+        hard if one of the two is.
         """
-        self._asked = np.asarray(vertices, dtype=np.int64).reshape(-1)
-        self._asked_targets = np.asarray(targets, dtype=np.float64).reshape(-1, 3)
-        H = len(self._asked)
+        self._given = np.asarray(vertices, dtype=np.int64).reshape(-1)
+        self._given_targets = np.asarray(targets, dtype=np.float64).reshape(-1, 3)
+        H = len(self._given)
         factors = np.ones(H) if weights is None else np.asarray(weights, dtype=np.float64)
         exact = np.broadcast_to(np.asarray(hard, dtype=bool), (H,))
-        self._vertices, place = np.unique(self._asked, return_inverse=True)
-        self._weights = np.bincount(place, factors, len(self._vertices))
-        self._exact = np.unique(self._asked[exact])
+        self._vertices, index = np.unique(self._given, return_inverse=True)
+        self._weights = np.bincount(index, factors, len(self._vertices))
+        self._exact = np.unique(self._given[exact])
         self._targets = np.zeros((len(self._vertices), 3))
-        np.add.at(self._targets, place, factors[:, None] * self._asked_targets)
+        np.add.at(self._targets, index, factors[:, None] * self._given_targets)
         self._targets /= self._weights[:, None]
         V = len(self.model.reference.vertices)
         self._coefficients = np.array([self._coefficients_of(h) for h in self._vertices]).reshape(
             -1, 3 * V
         )
-        self._rest = np.delete(np.arange(V), self._exact)
-        self._rest_factor = None
+        self._free = np.delete(np.arange(V), self._exact)
+        self._free_factor = None
         if 0 < len(self._exact) < V:
-            self._rest_factor = splu(sparse.csc_array(self._plate[self._rest][:, self._rest]))
+            self._free_factor = splu(sparse.csc_array(self._plate[self._free][:, self._free]))
 
     def solve(self, warm: bool = False) -> Pose:
-        """Pose for the present handles; `energy` is the latent energy, without the relaxation.
+        """Pose for the current handles; its `energy` is the latent energy, without relaxation.
 
         Args:
-            warm: descend from the last solution only and go on with its rotations.
+            warm: true to start from the last solution alone, with its rotations.
         """
         begun = time.perf_counter()
         if warm and self._x is not None:
@@ -163,7 +163,7 @@ class ReferenceSolver:
             z=self._codes(torch.tensor(x)[None])[0].numpy(),
             rotation=x[-6:-3].copy(),
             translation=self._diagonal * x[-3:],
-            residual=np.linalg.norm(p[self._asked] - self._asked_targets, axis=1),
+            residual=np.linalg.norm(p[self._given] - self._given_targets, axis=1),
             iterations=sum(steps for _, _, steps in found),
             milliseconds=1000.0 * (time.perf_counter() - begun),
             prior_distance=float(np.linalg.norm(x[:-6])),
@@ -171,20 +171,20 @@ class ReferenceSolver:
         )
 
     def decode(self, z: ArrayLike) -> Array:
-        """Shape (V, 3) of a latent code (K,), where such shapes stand."""
+        """Shape (V, 3) of a latent code (K,), at the position that the prior predicts."""
         code = torch.tensor(np.asarray(z, dtype=np.float64))[None]
         p = self._free_solution(self._rhs(self._gradients(code)[0].numpy()))
-        return p + self._centroid + self._standing(code)[0].numpy()
+        return p + self._centroid + self._centroid_offset(code)[0].numpy()
 
     def energy(self, x: Array) -> float:
         """Latent energy of the unknowns x = (y, ω, t), (K + 6,)."""
-        misfit = self._misfit(torch.tensor(x)[None]).numpy()
+        residual = self._residual(torch.tensor(x)[None]).numpy()
         stiffness, cost = self._stiffness(x)
-        beyond, _ = self._beyond(x)
-        return float((misfit**2).sum() + (beyond**2).sum() + (stiffness * x**2).sum() + cost)
+        excess, _ = self._bend_excess(x)
+        return float((residual**2).sum() + (excess**2).sum() + (stiffness * x**2).sum() + cost)
 
-    def _beyond(self, x: Array) -> tuple[Array, Array]:
-        """What bends beyond the examples, in slacks (M,), and its derivative (M, K) by y."""
+    def _bend_excess(self, x: Array) -> tuple[Array, Array]:
+        """Bending beyond the examples (M,), in slacks, and its derivative (M, K) by y."""
         limits, K = self.model.bend_limits, len(x) - 6
         if limits is None:
             return np.zeros(0), np.zeros((0, K))
@@ -195,7 +195,7 @@ class ReferenceSolver:
         return (over - under) / limits.slack, slope
 
     def _stiffness(self, x: Array) -> tuple[Array, float]:
-        """Weights (K + 6,) of the squared unknowns and what they cost: the cheaper motion's."""
+        """Weights (K + 6,) of the squared unknowns and the constant cost of the cheaper motion."""
         scales, cost = min(self._motions, key=lambda m: ((x[-6:] / m[0]) ** 2).sum() + m[1])
         return np.r_[np.ones(self.model.components), scales] ** -2, cost
 
@@ -203,19 +203,19 @@ class ReferenceSolver:
         """Latent codes z = μ + L y, (n, K), of unknowns (n, K + 6)."""
         return self._mean + x[:, :-6] @ self._root.T
 
-    def _standing(self, z: Tensor) -> Tensor:
-        """Where shapes of codes (n, K) stand, (n, 3), from the reference's centroid."""
-        placement = self.model.rigid_prior
-        if placement is None or placement.offset is None:
+    def _centroid_offset(self, z: Tensor) -> Tensor:
+        """Predicted centroids (n, 3) of codes (n, K), relative to the reference's."""
+        prior = self.model.rigid_prior
+        if prior is None or prior.offset is None:
             return torch.zeros(3).expand(len(z), 3)
-        offset, gain = torch.tensor(placement.offset), torch.tensor(placement.gain)
+        offset, gain = torch.tensor(prior.offset), torch.tensor(prior.gain)
         return self._diagonal * (offset + z @ gain.T)
 
     def _gradients(self, z: Tensor) -> Tensor:
         """Deformation gradients T = exp(r) S, (n, V, 3, 3), of latent codes (n, K)."""
         gain, offset = self.model.scaler.gain, self.model.scaler.offset
         q = self._network.decode(z).transpose(0, 1) * torch.tensor(gain) + torch.tensor(offset)
-        # The features hold xx xy xz yy yz zz of S.
+        # Features are xx xy xz yy yz zz of S.
         S = q[..., [3, 4, 5, 4, 6, 7, 5, 7, 8]].unflatten(-1, (3, 3))
         return _exp(q[..., :3]) @ S
 
@@ -253,29 +253,29 @@ class ReferenceSolver:
         g = self._free_solution(unit[:, None])[:, 0]
         return np.stack([B.T @ g for B in self._divergence], axis=1).ravel()
 
-    def _misfit(self, x: Tensor) -> Tensor:
-        """Weighted differences (n, H, 3) from targets to handles, of unknowns (n, K + 6)."""
+    def _residual(self, x: Tensor) -> Tensor:
+        """Weighted differences (n, H, 3) of handles from targets, for unknowns (n, K + 6)."""
         T = self._gradients(self._codes(x))
         p = (T.transpose(1, 2).flatten(2) @ torch.from_numpy(self._coefficients).T).transpose(1, 2)
-        p = p + self._standing(self._codes(x))[:, None]
+        p = p + self._centroid_offset(self._codes(x))[:, None]
         offset = torch.tensor(self._centroid) + self._diagonal * x[:, None, -3:]
         moved = p @ _exp(x[:, -6:-3]).transpose(1, 2) + offset
         weights = torch.tensor(np.sqrt(self._weights) / (self.noise * self._diagonal))
         return weights[:, None] * (moved - torch.tensor(self._targets))
 
     def _jacobian(self, x: Array) -> Array:
-        """Derivative (3H, K + 6) of the misfit."""
+        """Derivative (3H, K + 6) of the residual."""
         J = np.empty((3 * len(self._vertices), len(x)))
         for start in range(0, len(J), _ROWS):
-            # A row from each of as many copies of x: one backward pass gives them all.
+            # One backward pass over as many copies of x gives a row for each copy.
             rows = J[start : start + _ROWS]
             copies = torch.tensor(x).repeat(len(rows), 1).requires_grad_()
-            picked = self._misfit(copies).flatten(1)[:, start : start + _ROWS].diagonal()
+            picked = self._residual(copies).flatten(1)[:, start : start + _ROWS].diagonal()
             rows[:] = torch.autograd.grad(picked.sum(), copies)[0].numpy()
         return J
 
     def _search(self) -> list[tuple[Array, float, int]]:
-        """Ends of the descents from all starts, with each cost of the rigid motion by itself."""
+        """Last points of the descents from all starts, for each cost of the rigid motion."""
         motions, found = self._motions, []
         for motion in motions:
             self._motions = [motion]
@@ -289,34 +289,36 @@ class ReferenceSolver:
         picked = np.unique(np.linspace(0, len(codes) - 1, _CANDIDATES).round().astype(int))
         y = np.linalg.solve(self._root.numpy(), (codes[picked] - self._mean.numpy()).T).T
         plain = [np.concatenate([white, np.zeros(6)]) for white in [np.zeros(y.shape[1]), *y]]
-        mean, *starts = [min((x, self._placed(x)), key=self.energy) for x in plain]
+        mean, *starts = [min((x, self._translated_to_targets(x)), key=self.energy) for x in plain]
         starts.sort(key=self.energy)
         return [mean, *starts[:_STARTS]]
 
-    def _placed(self, x: Array) -> Array:
-        """The unknowns, translated so that the handles' weighted mean is the targets'."""
+    def _translated_to_targets(self, x: Array) -> Array:
+        """Unknowns translated so that the weighted means of handles and targets agree."""
         if not self.rigid or len(self._vertices) == 0:
             return x
         root = np.sqrt(self._weights)
-        # The misfit of a handle is √w_h / (σ D) times its way to the target.
-        way = root @ self._misfit(torch.tensor(x)[None])[0].numpy() * self.noise / (root @ root)
+        # The residual of a handle is √w_h / (σ D) times its offset to the target.
+        offset = (
+            root @ self._residual(torch.tensor(x)[None])[0].numpy() * self.noise / (root @ root)
+        )
         moved = x.copy()
-        moved[-3:] -= way
+        moved[-3:] -= offset
         return moved
 
     def _descend(self, x: Array) -> tuple[Array, float, int]:
-        """Levenberg–Marquardt from x: unknowns, energy and steps once nothing is gained."""
+        """Levenberg–Marquardt from x: unknowns, energy and number of steps at convergence."""
         active = slice(None) if self.rigid else slice(-6)
         energy, damping = self.energy(x), 1e-3
         for count in range(_STEPS):
             J = self._jacobian(x)[:, active]
             stiffness = self._stiffness(x)[0][active]
             hessian = J.T @ J + np.diag(stiffness)
-            beyond, slope = self._beyond(x)
+            excess, slope = self._bend_excess(x)
             hessian[: slope.shape[1], : slope.shape[1]] += slope.T @ slope
-            misfit = self._misfit(torch.tensor(x)[None]).numpy().ravel()
-            gradient = J.T @ misfit + stiffness * x[active]
-            gradient[: slope.shape[1]] += slope.T @ beyond
+            residual = self._residual(torch.tensor(x)[None]).numpy().ravel()
+            gradient = J.T @ residual + stiffness * x[active]
+            gradient[: slope.shape[1]] += slope.T @ excess
             while True:
                 trial = x.copy()
                 damped = hessian + damping * np.diag(np.diag(hessian))
@@ -334,11 +336,11 @@ class ReferenceSolver:
         return x, energy, _STEPS
 
     def _pose(self, x: Array, rounds: int) -> Array:
-        """Vertices (V, 3) of the unknowns: relaxed where handles are hard, and moved rigidly."""
+        """Vertices (V, 3) of the unknowns: relaxed if handles are hard, then moved rigidly."""
         T = self._gradients(self._codes(torch.tensor(x)[None]))[0].numpy()
         Q = _exp(torch.tensor(x[-6:-3])).numpy()
         offset = self._centroid + self._diagonal * x[-3:]
-        offset = offset + Q @ self._standing(self._codes(torch.tensor(x)[None]))[0].numpy()
+        offset = offset + Q @ self._centroid_offset(self._codes(torch.tensor(x)[None]))[0].numpy()
         if len(self._exact) == 0:
             return self._free_solution(self._rhs(T)) @ Q.T + offset
         goals = self._targets[np.isin(self._vertices, self._exact)]
@@ -349,8 +351,8 @@ class ReferenceSolver:
     def _relaxed(self, T: Array, targets: Array, rounds: int) -> Array:
         """Positions (V, 3) with hard handles at targets (h, 3), both in the model's frame.
 
-        From R = I the last step is a global one. A call that goes on begins with a global step and
-        the rotations at hand, and leaves those of a last local step for the next.
+        A cold call starts with R = I and ends with a global step. A warm call starts with a global
+        step for the last rotations, and ends with a local step for the next call.
         """
         divergence, covariance = self._operators(self._free_solution(self._rhs(T)))
         if self._R is None:
@@ -368,28 +370,30 @@ class ReferenceSolver:
         return p
 
     def _local(self, covariance: list[sparse.csr_array], p: Array, R: Array) -> Array:
-        """Rotations (V, 3, 3): from R past argmax tr(R_iᵀ A_i), A_i = Σ_j c_ij p_ij x_ijᵀ.
+        """Rotations (V, 3, 3) from the local step: past argmax tr(R_iᵀ A_i), as seen from R.
 
-        The step D from R to the optimum is over-relaxed: half-angle tangents grow by _FURTHER.
+        A_i = Σ_j c_ij p_ij x_ijᵀ. The step from R to the optimum is over-relaxed: half-angle
+        tangents are multiplied by _OVER_RELAXATION.
         """
         A = np.stack([C @ p for C in covariance], axis=2)
         U, _, Vt = np.linalg.svd(A)
         U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
         step = Rotation.from_matrix(U @ Vt @ R.transpose(0, 2, 1)).as_quat(canonical=True)
-        step[:, :3] *= _FURTHER
+        step[:, :3] *= _OVER_RELAXATION
         return Rotation.from_quat(step).as_matrix() @ R
 
     def _global(self, b: Array, targets: Array) -> Array:
         """Positions (V, 3) of a right-hand side b (V, 3) with the hard handles at the targets.
 
-        The rows of K p = K L⁻¹ b, K = L A⁻¹ L / α + L, of the other vertices, with what is known
-        on the right: the same minimiser as the Schur complement's with free translation.
+        Solves the rows of K p = K L⁻¹ b, K = L A⁻¹ L / α + L, of the other vertices, with the known
+        positions on the right-hand side. The Schur complement with free translation has the same
+        minimiser.
         """
         p = np.zeros_like(b)
         p[self._exact] = targets
-        if self._rest_factor is not None:
+        if self._free_factor is not None:
             left = self._bending @ b - self._plate @ p
-            p[self._rest] = self._rest_factor.solve(left[self._rest])
+            p[self._free] = self._free_factor.solve(left[self._free])
         return p
 
 
@@ -407,7 +411,7 @@ def _exp(r: Tensor) -> Tensor:
     """Rotations (..., 3, 3) of rotation vectors (..., 3): I + a [r]× + b [r]×² (Rodrigues)."""
     square = (r * r).sum(-1)[..., None, None]
     small = square < 1e-4
-    # The branch not taken must have a finite derivative, too.
+    # `torch.where` needs finite derivatives of both branches.
     angle = torch.where(small, torch.ones_like(square), square).sqrt()
     a_series = 1 - square / 6 * (1 - square / 20 * (1 - square / 42))
     b_series = 0.5 - square / 24 * (1 - square / 30 * (1 - square / 56))

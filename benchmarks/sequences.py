@@ -1,13 +1,13 @@
-"""Frames a second of `fit_sequence` on markers of a moving mesh, and what its smoothness does.
+"""Frames a second of `fit_sequence` on markers of a moving mesh, and the effect of smoothness.
 
     python benchmarks/sequences.py MODEL SHAPES [--markers 40] [--frames 2800] [--device cpu]
         [--backend torch]
 
-SHAPES is a motion. It is played to and fro at four times its rate until there are enough frames;
-markers are vertices of it, clean, and with noise of 0.5 % of the bounding diagonal. For every
-smoothness: E_rms from clean and from noisy markers against the true shapes, jitter (rms
-acceleration of all vertices, against that of the true motion), and lag (by how many frames the fit
-follows the motion best when it is shifted).
+SHAPES is a motion. It is repeated forwards and backwards at four times its rate until there are
+enough frames. Markers are some of its vertices, without noise and with noise of 0.5 % of the
+bounding diagonal. For every smoothness the table has E_rms from clean and from noisy markers,
+jitter (rms acceleration of all vertices relative to the true motion's) and lag (the shift in frames
+with the least error).
 """
 
 import argparse
@@ -24,8 +24,8 @@ _RATE = 4
 _NOISE = 0.005
 
 
-def to_and_fro(shapes, frames):
-    """Motion (frames, V, 3) between the shapes, smoothly interpolated, and back again."""
+def there_and_back(shapes, frames):
+    """Motion (frames, V, 3) through the shapes, linearly interpolated, and back again."""
     N = len(shapes)
     time = np.abs((np.arange(frames) / _RATE + N - 1) % (2 * N - 2) - (N - 1))
     before = np.minimum(time.astype(int), N - 2)
@@ -38,7 +38,7 @@ def acceleration(vertices):
 
 
 def lag(truth, found, most=6):
-    """Frames by which `found` is behind the truth: the shift of least error, to a tenth."""
+    """Shift of least error, in frames, by which `found` is behind the truth."""
     shifts = np.arange(-most, most + 1)
     inner = found[most:-most]
     errors = [((truth[most - s : len(truth) - most - s] - inner) ** 2).mean() for s in shifts]
@@ -95,7 +95,7 @@ def main() -> None:
     options = parser.parse_args()
     model = deformer.load_model(options.model)
     shapes = align(deformer.load_shapes(options.shapes).vertices, model.reference.vertices)
-    motion = to_and_fro(shapes, options.frames)
+    motion = there_and_back(shapes, options.frames)
     markers = deformer.farthest_points(model.geodesics, options.markers, seed=0)
     console = Console(width=100)
     where = {"device": options.device, "backend": options.backend}

@@ -1,16 +1,16 @@
-"""What a prior's components and its poses are like, beside those of SPLOCS and of the true shapes.
+"""Quality of a prior's components and poses, compared with SPLOCS and with the true shapes.
 
     python benchmarks/shape_quality.py SHAPES MODEL [MODEL…] [--counts 5 20 80] [--shapes 12]
 
-SHAPES are what the models were trained from; those that a model has not seen are posed from a few
-exact handles. Tables: how local components are, with SPLOCS on the same features, learned from the
-first model's training shapes in this run; what posing does to edges, to the volume, and how often
-it folds; and how far vertices jump with noise of the handles (exact ones, and soft ones), in
-deviations of that noise.
+SHAPES are the data set of the models; a few exact handles pose the shapes that a model has not
+seen. The first table shows how local components are, beside those of SPLOCS on the same features,
+learned in this run from the first model's training shapes. The other tables show errors of edge
+lengths and volume, the number of folds, and the jitter of all vertices under noise of exact and of
+soft handles, in standard deviations of that noise.
 
-A fold is an edge whose two faces turn by more than 150° against each other, where neither the
-examples nor the true shape has them turn so. The path goes from one held-out shape to the next in
-21 steps, all handles moving straight, each step a warm solve.
+A fold is an edge whose two faces turn by more than 150° against each other, although they do so
+neither in the examples nor in the true shape. The path goes from one held-out shape to the next in
+21 warm solves, with all handles on straight lines.
 """
 
 import argparse
@@ -62,7 +62,7 @@ def main() -> None:
 
 
 def locality(weights, geodesics):
-    """Mean and 90th percentile over components in use: share of vertices, and geodesic extent."""
+    """Number of components in use; mean and 90th percentile of their support and extent in %."""
     used = weights[weights.max(axis=1) > 0.0]
     used = used / used.max(axis=1, keepdims=True)
     share = 100.0 * (used >= SUPPORT_THRESHOLD).mean(axis=1)
@@ -144,7 +144,7 @@ def lengths(shapes, i, j):
 
 
 def volumes(shapes, faces):
-    """Signed volumes; of open surfaces about the centroid."""
+    """Signed volumes (N,) of shapes (N, V, 3); for open surfaces relative to the centroid."""
     corners = (shapes - shapes.mean(axis=1, keepdims=True))[:, faces]
     return np.linalg.det(corners).sum(axis=1) / 6.0
 
@@ -160,7 +160,7 @@ def pairs(faces):
 
 
 def turned(shapes, faces, hinges):
-    """Whether (N, n) the two faces turn by more than a fold."""
+    """True (N, n) where the two faces of a hinge turn by more than 150°."""
     found = []
     for shape in shapes:
         a, b, c = (shape[faces[:, k]] for k in range(3))

@@ -1,12 +1,12 @@
-"""Training of the default configuration against a plain full-batch loop, to the same error.
+"""Time of the default training and of a plain full-batch loop to the same error.
 
     python benchmarks/training.py SHAPES [--components 50] [--train 36] [--limit 300]
 
-Both learn from the same shapes in the same run. The default is trained first; its error is the
-squared difference of scaled features, summed over a shape and averaged over shapes, once every
-shape has gone through the encoder. Then the plain loop, Adam on all shapes at a time with the
-paper's network, loss and learning rate, runs until its own reconstruction term is as small, or
-until the limit of seconds. Prints both times and their ratio, and the peak memory of the process.
+Both learn from the same shapes in the same run. The default comes first; its error is the squared
+difference of scaled features after encoding and decoding, summed over a shape and averaged over
+shapes. The plain loop is Adam on all shapes at once, with the paper's network, loss and learning
+rate; it runs until its reconstruction term is as small, or until the time limit. Prints both times,
+their ratio, and the peak memory of the process.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Training time of every compared method beside ours, one after the other on one machine.
+"""Training time of every compared method, one after the other on one machine.
 
     python benchmarks/training_times.py SHAPES [--components 50] [--methods autoencoder,pca]
 

@@ -1,11 +1,11 @@
-"""The feel of the viewer: how soon the last frame follows the last move of the mouse.
+"""Latency of the viewer: time from the last move of the mouse to the last frame.
 
     python benchmarks/viewer_latency.py [MODEL] [--subdivide 0] [--window] [--handles 1] [--exact]
 
-Handles are spread over the mesh and one of them is dragged, as events of the plotter, 125 moves a
-second by the clock whatever the window does. Printed are, in milliseconds: the time from the last
-move to the frame that shows its pose; from any move that was shown to its frame; between two
-frames; and the parts of a frame, the solve (on its own thread) and the drawing.
+Handles are spread over the mesh, and events of the plotter drag one of them with 125 moves a
+second, however busy the window is. Prints times in milliseconds: from the last move to the frame
+that shows its pose; from any move to its frame; between two frames; and the two parts of a frame,
+the solve (on its own thread) and the drawing.
 
 Without --window it draws off-screen in a plain loop; with it, in the Qt window on DISPLAY.
 """
@@ -33,16 +33,18 @@ from deformer_app.viewer.editor import Editor
 SIZE = (1000, 800)
 RATE = 125  # moves a second
 MOVES = 120  # of a drag
-WAY = 150  # pixels of a drag
+DISTANCE = 150  # pixels of a drag
 
 
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("model", nargs="?", default="humanoid")
-    options.add_argument("--subdivide", type=int, default=0, help="how often, into four faces each")
+    options.add_argument(
+        "--subdivide", type=int, default=0, help="number of subdivisions of each face into four"
+    )
     options.add_argument("--window", action="store_true", help="in the Qt window on DISPLAY")
     options.add_argument("--handles", type=int, default=1)
-    options.add_argument("--exact", action="store_true", help="handles are met exactly")
+    options.add_argument("--exact", action="store_true", help="exact handles")
     options.add_argument("--drags", type=int, default=10)
     chosen = options.parse_args()
     model = subdivided_model(chosen.model, chosen.subdivide)
@@ -50,12 +52,12 @@ def main() -> None:
     wait(pump, lambda: editor.activations is not None and not editor.busy)
     place_handles(editor, chosen.handles, chosen.exact)
     wait(pump, lambda: not editor.busy)
-    drag(editor, pump, np.array([WAY, 0.0]))  # compiled, cached, warm
+    drag(editor, pump, np.array([DISTANCE, 0.0]))  # compiled, cached, warm
     last, solves, draws, gaps = [], [], [], []
     editor.latencies.clear()
     for n in range(chosen.drags):
         angle = 2 * np.pi * n / chosen.drags
-        found = drag(editor, pump, WAY * np.array([np.cos(angle), np.sin(angle)]))
+        found = drag(editor, pump, DISTANCE * np.array([np.cos(angle), np.sin(angle)]))
         for total, part in zip((last, solves, draws, gaps), found, strict=True):
             total += part
     mesh = editor.model.reference
@@ -74,7 +76,7 @@ def main() -> None:
         ms = 1000 * np.array(values)
         p50, p95, worst = np.percentile(ms, [50, 95, 100])
         print(f"  {name:<24} p50 {p50:6.1f}   p95 {p95:6.1f}   worst {worst:6.1f}")
-    os._exit(0)  # the threads and windows of three libraries need no farewell
+    os._exit(0)  # without waiting for the threads and windows of three libraries
 
 
 def subdivided_model(name: str, times: int) -> str:
@@ -137,26 +139,26 @@ def wait(pump: Callable[[], None], condition: Callable[[], bool]) -> None:
 
 
 def place_handles(editor: Editor, count: int, exact: bool) -> None:
-    """Handles over all of the mesh; the dragged one is the visible vertex nearest to the middle."""
-    grasped = None
+    """Place handles all over the mesh; the dragged one is the visible vertex nearest the centre."""
+    dragged = None
     for radius in range(0, 300, 4):
         for angle in np.linspace(0, 2 * np.pi, 16):
             at = np.array(editor.stage.size) / 2 + radius * np.array([np.cos(angle), np.sin(angle)])
-            grasped = (
-                editor.stage.vertex_at((float(at[0]), float(at[1]))) if grasped is None else grasped
+            dragged = (
+                editor.stage.vertex_at((float(at[0]), float(at[1]))) if dragged is None else dragged
             )
-    assert grasped is not None, "nothing is seen"
-    far = farthest_points(Geodesics(editor.model.reference), count, start=[grasped])
+    assert dragged is not None, "no vertex is visible"
+    far = farthest_points(Geodesics(editor.model.reference), count, start=[dragged])
     for vertex in far[::-1]:
         editor.place(int(vertex), add=True)
     editor.commit("Place")
     if exact:
         editor.set_kind("exact")
-    editor.select([editor.place(grasped)])
+    editor.select([editor.place(dragged)])
 
 
-def drag(editor: Editor, pump: Callable[[], None], way: np.ndarray) -> tuple[list, ...]:
-    """There, back, and released; lists of the times in seconds."""
+def drag(editor: Editor, pump: Callable[[], None], offset: np.ndarray) -> tuple[list, ...]:
+    """Drag a handle by an offset in pixels and back; lists of the times in seconds."""
     handle = next(iter(editor.selected))
     start = editor.stage.camera.project([editor.stage.position_of(handle)], editor.stage.size)[0]
     interactor = editor.state.view.plotter.iren.interactor
@@ -183,7 +185,7 @@ def drag(editor: Editor, pump: Callable[[], None], way: np.ndarray) -> tuple[lis
         while time.perf_counter() < begun + n / RATE:
             pump()
         share = np.sin(np.pi * n / MOVES) if n < MOVES else 0.05
-        send("MouseMoveEvent", start + share * way)
+        send("MouseMoveEvent", start + share * offset)
     moved = time.perf_counter()
     wanted = editor.edit
     count = len(frames)
@@ -197,7 +199,7 @@ def drag(editor: Editor, pump: Callable[[], None], way: np.ndarray) -> tuple[lis
     )
     last = frames[-1] - moved
     editor.on_change.remove(hear)
-    send("LeftButtonReleaseEvent", start + 0.05 * way)
+    send("LeftButtonReleaseEvent", start + 0.05 * offset)
     wait(pump, lambda: not editor.busy)
     editor.undo()
     wait(pump, lambda: not editor.busy)

@@ -1,11 +1,11 @@
-"""Hours at the viewer in minutes: random mouse and keys, and what is left of it all.
+"""Stress test of the viewer: random events of mouse and keys, and checks of the result.
 
     python benchmarks/viewer_soak.py [MODEL] [--events 10000] [--seed 0]
 
-The Qt window on DISPLAY (xvfb-run gives one) gets moves, presses, releases, turns of the wheel and
-commands in an order that the seed decides. It fails on an exception, on a message of an error, if
-the memory has grown by more than 5 % since the first fifth, or if the session at the end is not the
-same after saving and loading, undoing it all and redoing it all.
+The Qt window on DISPLAY (xvfb-run gives one) receives moves, presses, releases, turns of the wheel
+and commands in an order that the seed determines. The test fails on an exception, on an error
+message, if the memory grows by more than 5 % after the first fifth, or if saving and loading, or
+undoing and redoing all steps, changes the session or its pose.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-HANG = 1800.0  # seconds after which the viewer is taken to hang
+HANG = 1800.0  # seconds of waiting after which the viewer counts as hung
 GROWTH = 0.05  # of memory since the first fifth
 # Commands that end the program, ask for files or leave the window for a dialog.
 _ASIDE = {"quit", "save", "help", "tour", "turntable", "record"}
@@ -44,13 +44,13 @@ def main() -> None:
     for failure in failures:
         print(f"FAILED: {failure}", file=sys.stderr)
     sys.stdout.flush()
-    os._exit(1 if failures else 0)  # the threads and windows of three libraries need no farewell
+    os._exit(1 if failures else 0)  # without waiting for the threads and windows of three libraries
 
 
 def soak(
     model: str, events: int, seed: int, report: Callable[[str], Any]
 ) -> tuple[list[str], float]:
-    """Send the events; what went wrong, and by what share memory has grown."""
+    """Send the events; returns failures, and the relative growth of the memory."""
     from PySide6.QtWidgets import QApplication
 
     from deformer_app.viewer.changes import Change, MistakeMade
@@ -102,7 +102,7 @@ def soak(
 
 
 class Monkey:
-    """Does one thing after the other without thinking."""
+    """Sends random events."""
 
     def __init__(self, window: Any, chance: np.random.Generator) -> None:
         from deformer_app.viewer.actions import ACTIONS
@@ -150,7 +150,7 @@ class Monkey:
             self._window.escape()
 
     def rest(self) -> None:
-        """Let go of the button."""
+        """Release the button, if one is pressed."""
         if self._button:
             self._send(f"{self._button}ButtonReleaseEvent")
             self._button = ""
@@ -172,7 +172,7 @@ class Monkey:
 
 
 def inconsistencies(editor: Any, pump: Callable[[], None]) -> list[str]:
-    """Where the session is not what it should be."""
+    """Differences of the session after saving, loading, undoing and redoing."""
     from deformer_app.viewer.pose_worker import replay
     from deformer_app.viewer.session import Session
 

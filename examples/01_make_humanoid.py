@@ -40,14 +40,17 @@ def make_set(
     """Generate the set.
 
     Args:
-        poses: N, the count of shapes with the reference.
-        seed: of the random generator; the same seed gives the same set.
+        poses: N, the number of shapes including the reference.
+        seed: seed of the random generator; the same seed gives the same set.
         vertex_count: V of the reduced mesh.
-        progress: show a bar.
+        progress: true to show a bar.
 
     Returns:
-        The arrays of the NPZ file; the quality report of every shape; how many drawn poses were
-        softened and rejected.
+        The arrays of the NPZ file; the quality report of every shape; the numbers of poses that
+        were softened and rejected.
+
+    Raises:
+        ValueError: fewer than 2 poses.
     """
     if poses < 2:
         raise ValueError(f"poses: expected at least 2, got {poses}")

@@ -1,7 +1,7 @@
 """Features round trip: a tube twisted twice around, its features, and the tube again.
 
-Rotations are kept as angles that go on past half a turn, so half of the features is about half of
-the twist, where half of the way of every vertex is a pinched tube.
+Features store rotations as angles beyond half a turn. Half of the features is therefore about half
+of the twist, whereas half of the displacement of every vertex is a pinched tube.
 """
 
 import sys

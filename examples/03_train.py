@@ -1,4 +1,4 @@
-"""Train a model on 40 tubes, and reproduce tubes that it has not seen."""
+"""Train a model on 40 tubes, and reconstruct unseen tubes."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Fit from handles: one hand is pulled up, both feet are held, the prior moves the rest."""
+"""Fit to handles: one hand is pulled up, both feet stay, the prior moves the rest."""
 
 import sys
 from pathlib import Path
@@ -19,8 +19,8 @@ def main(picture: Path, quick: bool = False) -> float:
     handles = [int(i) for i in (x.argmax(), (z - 0.3 * x).argmin(), (z + 0.3 * x).argmin())]
     targets = body.vertices[handles] + [[-0.15, -0.2, 0.75], [0, 0, 0], [0, 0, 0]]
 
-    # Targets made up by hand: the body need not reach them (a marker's would be followed closely),
-    # and stands where they say, not where the examples stood.
+    # A larger noise than the model's, because these targets are rough guesses and not markers; with
+    # freedom the body may move anywhere, and not only where the examples are.
     solver = deformer.HandleSolver(model, noise=0.007, freedom=1.0)
     poses = []
     for hard in (False, True):

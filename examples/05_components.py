@@ -1,4 +1,4 @@
-"""Component analysis: the strongest components of the shipped figure, named and pictured."""
+"""Component analysis: the strongest components of the shipped figure, with names."""
 
 import sys
 from pathlib import Path

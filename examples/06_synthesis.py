@@ -1,4 +1,4 @@
-"""Synthesis: weights for components, several at once; below, the linear counterpart."""
+"""Synthesis: shapes from the weights of several components, and their linear counterparts."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Interpolation in latent codes and in features, against straight lines: who keeps limbs long?"""
+"""Interpolation in latent codes, in features and in vertices: which one shortens limbs?"""
 
 import sys
 from pathlib import Path
@@ -12,7 +12,7 @@ KEYS = [205, 60]  # training shapes of the shipped figure
 
 
 def main(picture: Path, quick: bool = False) -> dict[str, float]:
-    """Write the picture; returns the 5 % of edges that get shortest, over their due length."""
+    """Write the picture; returns the 5 % quantile of edge lengths relative to the keys'."""
     model = deformer.load_model("humanoid")
     codes = model.codes[[model.split["train"].index(n) for n in KEYS]]
     keys = model.decode(codes)

@@ -1,4 +1,4 @@
-"""Compare methods: an unseen tube recovered from six of its vertices, and where each one errs."""
+"""Compare methods: an unseen tube recovered from six vertices, with each method's errors."""
 
 import sys
 from pathlib import Path

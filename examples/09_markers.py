@@ -1,4 +1,4 @@
-"""Fit marker motion: 40 noisy markers on a walk between poses, some of them lost for a while."""
+"""Fit a motion to 40 noisy markers, a third of which are lost for a while."""
 
 import sys
 from pathlib import Path

@@ -1,8 +1,8 @@
 """Make the training set of the model "flag": cloth on a pole in turbulent wind.
 
-A counterpart of the flag set of Tan et al. (AAAI 2018), which was not published: simulated here by
-extended position-based dynamics, with stretch, shear, bending, self-collision and the pressure of
-a divergence-free turbulent wind on every face. See the code beside this file.
+It replaces the flag set of Tan et al. (AAAI 2018), which was not published. Extended position-based
+dynamics simulate stretch, shear, bending, self-collision and the pressure of a divergence-free
+turbulent wind on every face; `flag/` has the code.
 
     python examples/10_make_flag.py flag.npz --frames 300 --seed 0
     python examples/10_make_flag.py noisy.npz --frames 300 --seed 0 --noise 0.001
@@ -39,14 +39,17 @@ def make_set(
     """Simulate the set.
 
     Args:
-        frames: how many follow the reference.
-        seed: of the wind and the noise; the same seed gives the same set.
+        frames: number of frames after the reference.
+        seed: seed of the wind and the noise; the same seed gives the same set.
         noise: standard deviation of the noise in the middle of the flag, in metres.
-        cloth: None is the full-size flag of 61 by 41 vertices.
-        progress: show a bar.
+        cloth: the flag; None is the full-size one of 61 by 41 vertices.
+        progress: true to show a bar.
 
     Returns:
         The arrays of the NPZ file.
+
+    Raises:
+        ValueError: no frames, or a negative noise.
     """
     if frames < 1:
         raise ValueError(f"frames: expected at least 1, got {frames}")

@@ -1,17 +1,17 @@
 """Components of a noisy flag: an autoencoder's against SPLOCS on edge lengths and angles.
 
 The paper's experiment on robustness (Tan et al., AAAI 2018, "Flag Dataset"): both methods learn 20
-components from frames with noise that is worst at the free corners; the four strongest of each are
-to be the swing of the flag, not the noise. Every fifth frame is trained on; what is measured, is
-measured on frames left out, against the same frames without noise.
+components from frames whose noise is largest at the free corners; the four strongest of each should
+be the swing of the flag, not the noise. Every fifth frame is a training shape; the other frames are
+for the measurements, against the same frames without noise.
 
     python examples/10_make_flag.py flag.npz
     python examples/10_make_flag.py noisy.npz --noise 0.001
     python examples/11_flag_components.py flag.npz noisy.npz -o flag-components
 
-Writes `components.png` (key frames; each method's four strongest components, coloured by where they
-act, over the flat flag, and all four together), `results.json`, and `model`, the autoencoder, which
-is not trained again where it is there.
+Writes `components.png` (key frames; each method's four strongest components, coloured by their
+support, over the flat flag, and all four together), `results.json`, and the autoencoder in `model`,
+which a later run loads.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ from deformer_app.rendering.camera import aim
 from deformer_app.rendering.offscreen import Layer, contact_sheet, render, save_picture
 from deformer_app.rendering.palette import GHOST
 
-TRAINED = 5  # every so-manieth frame
-SHOWN = 4
-TOGETHER = 0.5  # how far each component goes to its extreme when all four do
+TRAINED = 5  # one frame in so many is a training shape
+SHOWN = 4  # number of strongest components
+TOGETHER = 0.5  # share of its extreme that each component has when all four are combined
 SIZE = (420, 340)
 
 
 def split_of(count: int) -> dict[str, list[int]]:
-    """The reference and every fifth frame for training, the others to measure on."""
+    """The reference and every fifth frame for training, the others for testing."""
     train = range(0, count, TRAINED)
     return {"train": list(train), "test": [n for n in range(count) if n % TRAINED]}
 
@@ -62,7 +62,7 @@ def split_of(count: int) -> dict[str, list[int]]:
 def trained(
     path: Path, noisy: MeshSequence, components: int, epochs: int | None, seed: int
 ) -> deformer.DeformationModel:
-    """The autoencoder of the noisy frames: read, if it is at `path`, or else trained and saved."""
+    """The autoencoder of the noisy frames, loaded from `path`, or else trained and saved there."""
     if path.is_dir():
         return deformer.load_model(path)
     with Progress() as bar:
@@ -85,13 +85,13 @@ def trained(
 def measure(
     components: Components, clean: NDArray, noisy: NDArray, rest: NDArray, stills: int
 ) -> dict[str, Any]:
-    """What the strongest components are made of, and how much of the motion they rebuild.
+    """Measurements of the strongest components, and the share of the motion that they reconstruct.
 
     Args:
-        components: learned with noise.
-        clean, noisy: (N, V, 3) the frames left out.
+        components: components learned with noise.
+        clean, noisy: (N, V, 3) test frames without and with noise.
         rest: (V, 3) the flat flag.
-        stills: how many of the frames are rebuilt.
+        stills: number of frames to reconstruct.
     """
     first = strongest(components, SHOWN)
     shares, corners = motion_shares(components, clean, noisy), corner_shares(components, rest)
@@ -122,7 +122,7 @@ def measure(
 
 
 def picture(learned: list[Components], noisy: MeshSequence) -> NDArray[np.uint8]:
-    """Key frames above; for each method its four strongest components and all of them together."""
+    """Key frames; below, for each method, its four strongest components and their combination."""
     rest, faces = noisy.vertices[0], noisy.faces
     keys = np.linspace(0, len(noisy) - 1, SHOWN + 2).round().astype(int)[1:]
     layers = [[Layer(noisy.mesh(int(n)))] for n in keys]
@@ -150,7 +150,7 @@ def picture(learned: list[Components], noisy: MeshSequence) -> NDArray[np.uint8]
 
 
 def show(results: dict[str, dict[str, Any]], console: Console) -> None:
-    """Print the measurements, a column a method."""
+    """Print the measurements with a column for each method."""
     table = Table("", *results)
     for n in range(SHOWN):
         for name, label in (("motion", "motion in the activation"), ("corners", "in corners")):
@@ -189,7 +189,7 @@ def main(
     model = trained(out / "model", disturbed, components, epochs, seed)
     console.print(f"autoencoder: {model.summary['epochs']} epochs, {model.summary['seconds']} s")
     training = disturbed.subset(split["train"])
-    edges = EdgeSplocs(noise=0.03)  # of fits to handles, which are not asked for here
+    edges = EdgeSplocs(noise=0.03)  # σ of handle fits, which are not used here
     with console.status("SPLOCS on edges"):
         edges.fit(training, components)
     learned = [NetworkComponents(model), EdgeComponents(edges, training.vertices)]

@@ -1,4 +1,4 @@
-"""A tube that bends and twists: example shapes that need no files."""
+"""Example shapes without files: a tube that bends and twists."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,7 +9,7 @@ LENGTH = 2.0
 
 
 def tube(around: int = 24, rings: int = 60, width: float = 0.5, height: float = 0.25) -> Mesh:
-    """A tube of oval section along x; V = around · rings."""
+    """A tube of oval cross-section along x, with V = around · rings vertices."""
     turn = 2 * np.pi * np.arange(around) / around
     x, turn = np.meshgrid(np.linspace(0, LENGTH, rings), turn, indexing="ij")
     vertices = np.stack([x, 0.5 * height * np.cos(turn), 0.5 * width * np.sin(turn)], -1)
@@ -22,7 +22,7 @@ def tube(around: int = 24, rings: int = 60, width: float = 0.5, height: float = 
 
 
 def twisted_and_bent(vertices: ArrayLike, twist: float, bend: float) -> NDArray:
-    """Twist about x by an angle over the whole length, then bend by another in the x-y plane."""
+    """Vertices (V, 3) twisted about x, then bent in the x-y plane, by angles in radians."""
     x, y, z = np.asarray(vertices).T
     c, s = np.cos(twist * x / LENGTH), np.sin(twist * x / LENGTH)
     y, z = c * y - s * z, s * y + c * z
@@ -33,7 +33,7 @@ def twisted_and_bent(vertices: ArrayLike, twist: float, bend: float) -> NDArray:
 
 
 def shapes(count: int, seed: int, around: int = 24, rings: int = 60) -> MeshSequence:
-    """The tube at rest, and `count` − 1 times twisted and bent by random angles of up to 2."""
+    """The tube at rest, then `count` − 1 tubes with random angles of up to 2 radians."""
     base = tube(around, rings)
     angles = np.random.default_rng(seed).uniform(-2, 2, (count, 2))
     angles[0] = 0
