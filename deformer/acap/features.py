@@ -48,7 +48,7 @@ _TOLERANCE = 1e-10
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _vertex_normals(p, faces, out):
-    """Area-weighted unit normals; zero where the faces around a vertex cancel."""
+    """Area-weighted unit normals; zero if the normals of a vertex's faces cancel."""
     for i in range(len(p)):
         for d in range(3):
             out[i, d] = 0.0
@@ -256,7 +256,7 @@ class FeatureExtractor:
         return T
 
     def extract(self, vertices: ArrayLike) -> FloatArray:
-        """Features (V, 9) of one shape (V, 3): rotation vector, then xx xy xz yy yz zz of S.
+        """Features (V, 9) of `vertices` (V, 3): rotation vector, then xx xy xz yy yz zz of S.
 
         Raises:
             InputError: the shape of the array is not the reference's.
@@ -308,7 +308,7 @@ class FeatureExtractor:
 
 
 def _columns(T: FloatArray) -> FloatArray:
-    """T (V, 3, 3) as (3V, 3): row 3i + c holds column c of T_i."""
+    """T (V, 3, 3) as (3V, 3): row 3i + c is column c of T_i."""
     return T.transpose(0, 2, 1).reshape(-1, 3)
 
 

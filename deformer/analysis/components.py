@@ -80,7 +80,7 @@ class ComponentAnalysis:
 
     @cached_property
     def sharing(self) -> FloatArray:
-        """Correlations (K, K) of activations over the training codes; 0 where one never changes."""
+        """Correlations (K, K) of activations over the training codes; 0 for constant ones."""
         return activation_correlations(self.model.codes)
 
     @cached_property
@@ -145,7 +145,7 @@ class ComponentAnalysis:
 
 
 def activation_correlations(codes: FloatArray) -> FloatArray:
-    """Correlations (K, K) of the columns of latent codes (N, K); 0 where one never changes."""
+    """Correlations (K, K) of the columns of latent codes (N, K); 0 for constant columns."""
     deviation = codes - codes.mean(axis=0)
     length = np.linalg.norm(deviation, axis=0)
     # A constant column may differ from its mean by rounding; it still counts as constant.

@@ -183,7 +183,7 @@ def transfer(source: DeformationModel, target: DeformationModel, z: ArrayLike) -
 
 
 def transfer_code(source: DeformationModel, target: DeformationModel, z: ArrayLike) -> FloatArray:
-    """Code (K',) with which `target` encodes the deformation of a code of `source`.
+    """Code (K',) with which `target` encodes the deformation of the code z (K,) of `source`.
 
     Arguments and errors are those of `transfer`.
     """

@@ -13,7 +13,7 @@ from scipy import sparse
 
 from deformer.geometry.mesh import FloatArray, Mesh
 
-# Bounds on the cotangent weight of an edge. Cotangents have no unit, so these hold at any scale.
+# Bounds on the cotangent weight of an edge. Cotangents have no unit: the bounds suit any scale.
 MIN_COTAN_WEIGHT = 1e-2
 MAX_COTAN_WEIGHT = 1e2
 

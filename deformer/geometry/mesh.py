@@ -182,7 +182,7 @@ def connected_components(faces: IntArray, vertex_count: int) -> tuple[int, IntAr
 
 
 def connectivity_hash(faces: IntArray, vertex_count: int) -> str:
-    """SHA-256 of the vertex count and the faces in order: equal only for equal connectivity."""
+    """SHA-256 of `vertex_count` and `faces` (F, 3) in order: equal only for equal connectivity."""
     digest = hashlib.sha256(f"{vertex_count}\n".encode())
     digest.update(np.ascontiguousarray(faces, dtype="<i8").tobytes())
     return digest.hexdigest()

@@ -224,7 +224,7 @@ def _closest_rotation_batch(T, R):
 
 
 def log_to_rotation(r: ArrayLike) -> FloatArray:
-    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), in radians."""
+    """Rotation matrices (..., 3, 3) of rotation vectors r (..., 3), in radians."""
     flat = np.ascontiguousarray(r, dtype=np.float64)
     out = np.empty((*flat.shape, 3))
     _exp_batch(flat.reshape(-1, 3), out.reshape(-1, 3, 3))
@@ -232,7 +232,7 @@ def log_to_rotation(r: ArrayLike) -> FloatArray:
 
 
 def rotation_to_log(R: ArrayLike) -> FloatArray:
-    """Principal rotation vectors (..., 3), ‖r‖ ≤ π radians, of rotation matrices (..., 3, 3)."""
+    """Principal rotation vectors (..., 3), ‖r‖ ≤ π radians, of rotation matrices R (..., 3, 3)."""
     flat = np.ascontiguousarray(R, dtype=np.float64)
     out = np.empty(flat.shape[:-1])
     _log_batch(flat.reshape(-1, 3, 3), out.reshape(-1, 3))
@@ -240,7 +240,7 @@ def rotation_to_log(R: ArrayLike) -> FloatArray:
 
 
 def right_jacobian(r: ArrayLike) -> FloatArray:
-    """Right Jacobians (..., 3, 3) of exp at rotation vectors (..., 3).
+    """Right Jacobians (..., 3, 3) of exp at rotation vectors r (..., 3), in radians.
 
     exp(r + δ) = exp(r) exp(J δ) to first order; see Chirikjian, "Stochastic Models, Information
     Theory, and Lie Groups", volume 2, equation 10.86.
@@ -264,8 +264,8 @@ def polar(T: ArrayLike) -> tuple[FloatArray, FloatArray]:
 
     Returns:
         R (..., 3, 3), proper rotations (determinant +1) that maximise tr(Rᵀ T), and symmetric
-        S = Rᵀ T (..., 3, 3). S is positive semi-definite where det T ≥ 0; a mirrored T has one
-        negative stretch, its smallest.
+        S = Rᵀ T (..., 3, 3). S is positive semi-definite if det T ≥ 0; if T mirrors, one eigenvalue
+        of S is negative, that of the smallest magnitude.
     """
     R = closest_rotations(T)
     S = np.swapaxes(R, -1, -2) @ np.asarray(T, dtype=np.float64)
@@ -299,7 +299,7 @@ def procrustes(
 
 
 def align(vertices: FloatArray, target: FloatArray) -> FloatArray:
-    """Shapes (N, V, 3), each moved rigidly to lie as close as possible to `target` (V, 3)."""
+    """Shapes `vertices` (N, V, 3), each moved rigidly as close as possible to `target` (V, 3)."""
     moved = np.empty_like(vertices)
     for n, shape in enumerate(vertices):
         R, t = procrustes(shape, target)

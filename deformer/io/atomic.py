@@ -15,7 +15,7 @@ PathLike = str | os.PathLike[str]
 
 
 def read_bytes(path: Path) -> bytes:
-    """Contents of a file.
+    """Contents of the file `path`.
 
     Raises:
         InputError: the file is missing, not readable or empty.
@@ -75,7 +75,7 @@ def atomic_directory(path: PathLike, replaceable: Callable[[Path], bool]) -> Ite
 
     Raises:
         InputError: the parent is missing or not writable, `path` is a file, or an existing
-            directory holds something else.
+            directory contains something else.
     """
     target = Path(path)
     if target.exists() and not target.is_dir():

@@ -190,7 +190,7 @@ def _local_transform(node: dict) -> FloatArray:
 
 
 def write_glb(vertices: FloatArray, faces: IntArray) -> bytes:
-    """GLB of a triangle mesh, positions as float32."""
+    """GLB of vertices (V, 3) and faces (F, 3), positions as float32."""
     # The import takes most of a second, and nothing else needs it.
     from trimesh import Trimesh
     from trimesh.exchange.gltf import export_glb

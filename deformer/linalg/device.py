@@ -20,7 +20,7 @@ def resolve_device(device: str) -> torch.device:
     Raises:
         InputError: another name, or a device that this machine does not have.
     """
-    import torch  # takes seconds; most programs never need it
+    import torch  # the import takes seconds, and most programs never need torch
 
     available = {
         "cuda": torch.cuda.is_available(),

@@ -90,12 +90,12 @@ class _WorkerMask:
         self._current: Callable[[], int] | None = getattr(libc, "sched_getcpu", None)
 
     def add_worker(self) -> None:
-        """Called by every worker as it starts."""
+        """Register the calling thread, a worker that starts."""
         self._workers.append(threading.get_native_id())
         self._core = -1
 
     def exclude_current_core(self) -> None:
-        """Called before workers are woken."""
+        """Keep workers off the caller's core; called before they are woken."""
         core = self._current() if self._current else -1
         if core != self._core:
             self._core = core

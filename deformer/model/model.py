@@ -247,7 +247,7 @@ class DeformationModel:
         return p[0] if codes.ndim == 1 else p
 
     def decode_centred(self, z: FloatArray) -> FloatArray:
-        """Shape (V, 3) of a code (K,), its centroid at the reference's."""
+        """Shape (V, 3) of a code z (K,), its centroid at the reference's."""
         return self.poisson.reconstruct(self.decoder.features(z))
 
     def tangents(self, z: FloatArray) -> FloatArray:
@@ -263,7 +263,7 @@ class DeformationModel:
         return self.reference.bounding_diagonal * self.rigid_prior.centroid(z)
 
     def save(self, path: str | Path) -> None:
-        """Write the model as a directory; see `save_model`."""
+        """Write the model as the directory `path`; see `save_model`."""
         # `storage` imports this module; an import of it at the top would be a cycle.
         from deformer.model.storage import save_model
 

@@ -55,7 +55,7 @@ class RigidPrior:
 
     @property
     def arrays(self) -> dict[str, FloatArray]:
-        """Offset and gain by the names of the arguments, where there are any."""
+        """Offset and gain by the names of the arguments, without those that are None."""
         arrays = {"offset": self.offset, "gain": self.gain}
         return {name: array for name, array in arrays.items() if array is not None}
 

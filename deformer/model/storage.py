@@ -36,7 +36,7 @@ def save_model(model: DeformationModel, path: str | Path) -> None:
         path: the directory; its parent must exist.
 
     Raises:
-        InputError: the directory holds other files, or its parent does not exist.
+        InputError: the directory contains other files, or its parent does not exist.
     """
     with atomic_directory(path, lambda entry: entry.name in (*_FILES, "README.md")) as folder:
         save_mesh(folder / "reference.ply", model.reference)

@@ -19,7 +19,7 @@ _GAIN = 1e-5
 
 
 def encode_shapes(model: DeformationModel, vertices: ArrayLike) -> FloatArray:
-    """See `DeformationModel.encode`."""
+    """Codes of `vertices` by the encoder of `model`; see `DeformationModel.encode`."""
     shapes, single = _checked(model, vertices)
     if model.config.align:
         shapes = align(shapes, model.reference.vertices)
@@ -28,7 +28,7 @@ def encode_shapes(model: DeformationModel, vertices: ArrayLike) -> FloatArray:
 
 
 def fit_shapes(model: DeformationModel, vertices: ArrayLike, iterations: int) -> FloatArray:
-    """See `DeformationModel.fit`."""
+    """Codes of `model` that fit `vertices` in at most `iterations`; see `DeformationModel.fit`."""
     shapes, single = _checked(model, vertices)
     if model.config.align:
         shapes = align(shapes, model.reference.vertices)
@@ -87,7 +87,7 @@ class _Point:
 
 
 def tangents(model: DeformationModel, z: FloatArray) -> FloatArray:
-    """Derivative (K, 3V) of the decoded positions by the latent code z (K,), centroid fixed."""
+    """Derivative (K, 3V) of positions decoded by `model` by the code z (K,), centroid fixed."""
     q, dq = model.decoder.differential(z)
     rows = []
     for start in range(0, len(dq), _TANGENT_BATCH):

@@ -138,7 +138,7 @@ class MeshAutoencoder(nn.Module):
     def from_weights(
         cls, weights: NetworkWeights, indptr: IntArray, rings: IntArray
     ) -> MeshAutoencoder:
-        """The network with copies of `weights`, on a mesh with these one-rings."""
+        """The network with copies of `weights`, on a mesh with the one-rings (indptr, rings)."""
         network = cls(indptr, rings, weights.C.shape[2], weights.layers)
         network.load_state_dict(
             {name: torch.from_numpy(array.copy()) for name, array in weights.arrays.items()}
@@ -199,6 +199,11 @@ class MeshAutoencoder(nn.Module):
         return x
 
     def forward(self, x: Tensor, mean: Tensor | None = None) -> tuple[Tensor, Tensor]:
-        """Reconstruction (V, N, 9) and latent codes (N, K) of scaled features x (V, N, 9)."""
+        """Reconstruction (V, N, 9) and latent codes (N, K) of scaled features x (V, N, 9).
+
+        Args:
+            x: (V, N, 9) scaled features, float32 as the weights are.
+            mean: (V, N, 9) their ring mean; None computes it.
+        """
         z = self.encode(x, mean)
         return self.decode(z), z

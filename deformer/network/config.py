@@ -157,7 +157,7 @@ class ModelConfig:
 
     @property
     def projects(self) -> bool:
-        """True where shapes are encoded by projection, False where the network encodes them."""
+        """True if shapes are encoded by projection, false if the network encodes them."""
         return self.training.encoder == "projection"
 
     def with_training(self, **changes: Any) -> ModelConfig:

@@ -28,7 +28,8 @@ def choose_noise(
 
     With fewer than 4 shapes none can be held out: the result is then the middle candidate.
 
-    Arguments are those of `held_out_errors`.
+    Args:
+        train, shapes, geodesics, noises, seed: as in `held_out_errors`.
     """
     errors = held_out_errors(train, shapes, geodesics, noises, seed)
     return noises[len(noises) // 2 if errors is None else int(errors.argmin())]
@@ -76,7 +77,7 @@ def held_out_errors(
 
 
 def held_out_fits(shape_count: int) -> int:
-    """Number of handle fits of `held_out_errors` for every noise, with that number of shapes."""
+    """Number of handle fits of `held_out_errors` for every noise, with `shape_count` shapes."""
     return len(_CONTROL_COUNTS) * _held_out_count(shape_count)
 
 
@@ -85,5 +86,5 @@ def _held_out_count(shape_count: int) -> int:
 
 
 def fit_each_noise(fit: Callable[[IntArray, FloatArray, float], FloatArray]) -> HandleFit:
-    """The `HandleFit` of a function of (vertices, targets, noise) that returns positions (V, 3)."""
+    """The `HandleFit` of a function `fit` of (vertices, targets, noise), positions (V, 3)."""
     return lambda vertices, targets, noises: (fit(vertices, targets, n) for n in noises)

@@ -82,7 +82,7 @@ class Trainee(Protocol):
         ...
 
     def restore(self, status: dict[str, Any], arrays: dict[str, NDArray]) -> None:
-        """Continue from a `state`."""
+        """Continue from a `state`, its JSON values in `status` and its `arrays`."""
         ...
 
 

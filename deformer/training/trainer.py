@@ -43,8 +43,8 @@ def train(
         config: "default", "paper" or a ModelConfig.
         epochs: training steps; None keeps the config's.
         align_shapes: remove each shape's rigid motion first; None keeps the config's.
-        split: {"train": indices, "test": indices}; the "test" shapes only serve to measure the
-            model's error. None trains on all shapes.
+        split: {"train": indices, "test": indices}; the model's error on the "test" shapes is
+            reported in its summary. None trains on all shapes.
         reference: index of the undeformed shape; None is shape 0, or the first training shape if 0
             is not one.
         seed: seed of weights and mixed shapes.

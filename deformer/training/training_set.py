@@ -114,7 +114,7 @@ class TrainingSet:
         """
         if isinstance(config.training, FactorisationSettings):
             return factor(self.x, self.scaler, self.geodesics, config, **options)
-        # torch takes seconds to import; only Adam needs it.
+        # The import of torch takes seconds, and only Adam needs it.
         from deformer.training.adam import fit
 
         mesh = self.extractor.indptr, self.extractor.rings, self.geodesics
@@ -169,7 +169,7 @@ def _denoised(
 def _with_mirror_images(
     q: FloatArray, extractor: FeatureExtractor, shapes: MeshSequence
 ) -> FloatArray:
-    """Features (N, V, 9), followed by those of the mirror images where these explain shapes."""
+    """Features (N, V, 9), followed by those of the mirror images if the images explain shapes."""
     mirrored = extract_all(extractor, mirror_images(shapes)[0])
     scaler = FeatureScaler.fit(q)
     if not images_explain(scaler.scale(q), scaler.scale(mirrored)):
