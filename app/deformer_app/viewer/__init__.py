@@ -1,1 +1,1 @@
-"""The viewer, without a word of Qt: what is shown, what is asked for, and what is done."""
+"""The viewer, independent of Qt: state of an editor, its commands and its picture."""

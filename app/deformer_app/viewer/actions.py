@@ -1,4 +1,4 @@
-"""Everything that has a menu entry or a key: one table that all shells read."""
+"""The table of all actions with a menu entry or a key, shared by the Qt and the plain window."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MESH_FILES = "Meshes (*.ply *.obj *.stl *.glb *.off)"
 
 
 class Shell(Protocol):
-    """What an action needs of the window around an editor."""
+    """The functions of a window that actions call."""
 
     editor: Editor
 
@@ -39,7 +39,7 @@ class Shell(Protocol):
         ...
 
     def save(self, elsewhere: bool) -> bool:
-        """Save the session; return False if the user has changed their mind."""
+        """Save the session; return False if the user cancels."""
         ...
 
     def open_model(self, path: Path | str) -> None:
@@ -88,18 +88,18 @@ class Action:
     """One command.
 
     Args:
-        id: what the program calls it; never shown.
-        menu: where it is listed.
-        title: what it is called there.
-        run: what it does.
-        key: its shortcut, as Qt writes them ("Ctrl+Shift+Z").
-        about: a line for the status bar and the help.
-        enabled: tells whether it can be run now.
-        checked: tells whether it is on, for what can be on or off.
-        retitled: gives another title while it would do something else, or None.
-        dialog: true if it asks for a file, which a plain window cannot.
+        id: name within the program; never shown.
+        menu: title of its menu.
+        title: its text in the menu.
+        run: function that carries it out.
+        key: its shortcut in Qt's notation ("Ctrl+Shift+Z").
+        about: text of the status bar and the help.
+        enabled: returns True while it can be run.
+        checked: returns True while it is on; None if it cannot be on or off.
+        retitled: returns another title while it would do something else, or None.
+        dialog: true if it asks for a file, which the plain window cannot do.
         rule: true if the menu has a line above it.
-        tool: what its button in the tool bar says; nothing if it has none.
+        tool: text of its button in the tool bar; empty without a button.
     """
 
     id: str
@@ -173,7 +173,7 @@ def _next_ghost(shell: Shell) -> None:
 
 
 def _turn_over(name: str) -> Callable[[Shell], Any]:
-    """Switch a part of the look on or off."""
+    """Toggle a boolean field of the look."""
 
     def run(shell: Shell) -> None:
         shell.editor.change_look(**{name: not getattr(shell.editor.state.look, name)})

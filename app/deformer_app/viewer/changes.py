@@ -1,4 +1,4 @@
-"""What an editor tells those who listen to it: one class for each kind of change."""
+"""Changes that an editor announces to its listeners; one class for each kind."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from deformer import InputError
 
 @dataclass(frozen=True)
 class Change:
-    """Something is different; the subclass says what."""
+    """Base class of changes."""
 
 
 class ModelOpened(Change):
@@ -17,11 +17,11 @@ class ModelOpened(Change):
 
 
 class HistoryChanged(Change):
-    """The history has another entry, or another one is shown; or it has been saved."""
+    """The history has a new entry, shows another entry, or has been saved."""
 
 
 class HandlesChanged(Change):
-    """Handles have come or gone, or others are selected."""
+    """Handles were added or removed, or the selection has changed."""
 
 
 class HandlesDragged(Change):
@@ -29,7 +29,7 @@ class HandlesDragged(Change):
 
 
 class PoseChanged(Change):
-    """The solver has given another pose."""
+    """The solver has computed another pose."""
 
 
 class ComponentsMeasured(Change):
@@ -37,15 +37,15 @@ class ComponentsMeasured(Change):
 
 
 class LookChanged(Change):
-    """The picture is drawn in another way, or the mouse does something else."""
+    """The look of the picture or the tool of the mouse has changed."""
 
 
 class CameraMoved(Change):
-    """The camera is elsewhere."""
+    """The camera has moved."""
 
 
 class HoverChanged(Change):
-    """Something else is under the mouse."""
+    """The vertex, handle or part under the mouse has changed."""
 
 
 class FrameDrawn(Change):
@@ -54,18 +54,18 @@ class FrameDrawn(Change):
 
 @dataclass(frozen=True)
 class NoticeGiven(Change):
-    """Something worth knowing, in words for the user."""
+    """A message to the user that is no error."""
 
     text: str
 
 
 @dataclass(frozen=True)
 class MistakeMade(Change):
-    """Something that could not be done and why, in words for the user."""
+    """A message to the user about a command that failed, with the reason."""
 
     text: str
 
     @classmethod
     def of(cls, error: Exception) -> MistakeMade:
-        """Tell of an error: a mistake of the user by its message, any other by its kind too."""
+        """Make the message of an error; errors of the program name their type, too."""
         return cls(str(error) if isinstance(error, InputError) else repr(error))

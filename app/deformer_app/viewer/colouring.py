@@ -1,4 +1,4 @@
-"""What the surface can be coloured by, and between which values."""
+"""Colourings of the surface: values, captions and limits."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import deformer
 from deformer import DeformationModel, Pose, Uncertainty, vertex_errors
 
-# Name → what a person reads.
+# Name → title for the user.
 COLOURINGS = {
     "plain": "Plain",
     "displacement": "Displacement",
@@ -25,11 +25,11 @@ COLOURINGS = {
 
 @dataclass(frozen=True, eq=False)
 class Paint:
-    """Values to colour by.
+    """Values that colour the surface.
 
     Args:
         values: (V,) of vertices or (F,) of faces.
-        on: which of the two.
+        on: "vertices" or "faces", the elements that have the values.
         title: caption, with the unit.
         limits: values at the ends of the scale.
         diverging: true where the middle of the scale means zero.
@@ -45,7 +45,7 @@ class Paint:
 def component_paint(
     model: DeformationModel, activations: deformer.Activations, number: int
 ) -> Paint:
-    """Return the colours of where a component acts."""
+    """Return the colours of a component's support."""
     return Paint(activations.support(number), "vertices", model.label(number), (0.0, 1.0))
 
 
@@ -53,7 +53,7 @@ class Colouring:
     """Colours of poses of one model, by name; "component:3" is the support of component 3."""
 
     def __init__(self, model: DeformationModel) -> None:
-        """Prepare nothing yet: each kind is prepared at its first use."""
+        """Store the model; each colouring is prepared at its first use."""
         self._model = model
 
     @cached_property
@@ -71,9 +71,9 @@ class Colouring:
 
         Args:
             name: see `COLOURINGS`.
-            pose: what is coloured.
-            target: vertices (V, 3) that an "error" is the distance to.
-            activations: what a "component" is looked up in.
+            pose: the pose to colour.
+            target: vertices (V, 3) from which "error" measures distances.
+            activations: supports of the components, for "component:k".
         """
         kind, _, number = name.partition(":")
         reference = self._model.reference
@@ -93,6 +93,6 @@ class Colouring:
         return None
 
     def of_uncertainty(self, found: Uncertainty) -> Paint:
-        """Return the colours of how much another handle would reduce the uncertainty."""
+        """Return the colours of the reduction of uncertainty by another handle at each vertex."""
         percent = 100.0 * found.gain
         return Paint(percent, "vertices", "% uncertainty", (0.0, max(float(percent.max()), 1.0)))

@@ -33,14 +33,14 @@ _ZOOM = 1.15  # a notch of the wheel
 
 
 class Controller:
-    """Turns events of the mouse into commands for a stage.
+    """Translates events of the mouse into commands for a stage.
 
     Args:
-        stage: what is commanded.
+        stage: receiver of the commands.
     """
 
     def __init__(self, stage: Stage) -> None:
-        """Begin idle."""
+        """Start without a drag."""
         self._stage = stage
         self._drag: Drag | None = None
         self._button: Button | None = None
@@ -51,7 +51,7 @@ class Controller:
         return self._drag is not None
 
     def handle(self, event: MouseEvent) -> None:
-        """Do what an event asks for.
+        """Carry out the command of an event.
 
         During a drag another button, the wheel and the picture's border are ignored.
         """
@@ -77,7 +77,7 @@ class Controller:
                 self._stage.set_camera(camera.zoomed(_ZOOM**notches, pixel, size))
 
     def cancel(self) -> bool:
-        """Give up the drag under way; return False if there is none."""
+        """Cancel the current drag; return False if there is none."""
         if self._drag is None:
             return False
         drag, self._drag = self._drag, None
@@ -85,13 +85,13 @@ class Controller:
         return True
 
     def _under(self, pixel: Pixel) -> Hover:
-        """Find what a press of the left button would act on."""
+        """Return the vertex, handle or part that a press of the left button would act on."""
         stage = self._stage
         if stage.tool == "paint":
             return Hover(vertex=stage.vertex_at(pixel))
         gizmo = stage.gizmo
         part = gizmo.part_at(pixel, stage.camera, stage.size) if gizmo else None
-        # A handle lies at the centre of its manipulator: there the handle goes first.
+        # A handle is at the centre of its manipulator: there the handle has priority.
         handle = stage.handle_at(pixel)
         if handle is not None and (part is None or part == "s" or handle in stage.selected):
             return Hover(part="s") if part == "s" else Hover(handle=handle)

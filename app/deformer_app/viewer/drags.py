@@ -1,4 +1,4 @@
-"""What happens between the press of a button and its release: one class for each kind of drag."""
+"""Drags, from the press of a button to its release; one class for each kind."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ _TURN = 0.4  # degrees of orbit a pixel
 
 
 class Drag(Protocol):
-    """A drag under way."""
+    """A drag in progress."""
 
     def move(self, pixel: Pixel, keys: Keys) -> None:
         """Follow the mouse to `pixel`."""
         ...
 
     def release(self, keys: Keys) -> None:
-        """End with what has been done."""
+        """Finish the drag and keep its result."""
         ...
 
     def cancel(self) -> None:
-        """End with everything as it was before."""
+        """Abort the drag and restore the state before it."""
         ...
 
 
@@ -47,7 +47,7 @@ class MousePath:
         self.start = self.now = self.counted = np.array(pixel, dtype=np.float64)
 
     def move(self, pixel: Pixel, fine: bool) -> None:
-        """Go on to `pixel`."""
+        """Continue to `pixel`."""
         step = np.subtract(pixel, self.now)
         self.now = self.now + step
         self.counted = self.counted + (FINE if fine else 1.0) * step
@@ -69,7 +69,7 @@ class Orbit:
         self._began = False
 
     def move(self, pixel: Pixel, keys: Keys) -> None:
-        """Turn by the whole path since the press."""
+        """Turn the camera by the whole path since the press."""
         self._path.move(pixel, False)
         self._began = self._began or not self._path.is_click_at(pixel)
         if self._began:
@@ -82,7 +82,7 @@ class Orbit:
             self._on_click()
 
     def cancel(self) -> None:
-        """Put the camera back."""
+        """Restore the camera."""
         self._stage.set_camera(self._first)
 
 
@@ -94,7 +94,7 @@ class Pan:
         self._stage, self._start, self._first = stage, pixel, stage.camera
 
     def move(self, pixel: Pixel, keys: Keys) -> None:
-        """Move by the whole path since the press."""
+        """Move the camera by the whole path since the press."""
         right, down = np.subtract(pixel, self._start)
         self._stage.set_camera(self._first.panned(right, down, self._stage.size))
 
@@ -102,7 +102,7 @@ class Pan:
         """Leave the camera where it is."""
 
     def cancel(self) -> None:
-        """Put the camera back."""
+        """Restore the camera."""
         self._stage.set_camera(self._first)
 
 
@@ -123,12 +123,12 @@ class BoxSelection:
         self._stage.show_box(self._corners())
 
     def release(self, keys: Keys) -> None:
-        """Select; with Shift, besides what is selected already."""
+        """Select the handles inside; with Shift, add them to the selection."""
         self._stage.show_box(None)
         self._stage.select(self._stage.handles_in(*self._corners()), add=keys.shift)
 
     def cancel(self) -> None:
-        """Draw no rectangle any more."""
+        """Remove the rectangle."""
         self._stage.show_box(None)
 
 
@@ -176,7 +176,7 @@ class HandleDrag:
             self._stage.select([self._handle], toggle=self._add)
 
     def cancel(self) -> None:
-        """Put the handles back."""
+        """Restore the handles."""
         self._stage.revert()
 
 
@@ -199,7 +199,7 @@ class Placement:
         self._motion.move(pixel, keys)
 
     def release(self, keys: Keys) -> None:
-        """Make it a step of the history."""
+        """Make the drag a step of the history."""
         if self._motion is None:
             self._stage.place(self._vertex, self._add)
             self._stage.commit("Place handle")
@@ -207,7 +207,7 @@ class Placement:
             self._stage.commit("Place and drag")
 
     def cancel(self) -> None:
-        """Take the handle away again."""
+        """Remove the handle again."""
         self._stage.revert()
 
 
@@ -230,11 +230,11 @@ class GizmoDrag:
             self._stage.move_selected(motion)
 
     def release(self, keys: Keys) -> None:
-        """Make it a step of the history."""
+        """Make the drag a step of the history."""
         self._stage.commit({"r": "Rotate", "s": "Scale"}.get(self._part[0], "Move"))
 
     def cancel(self) -> None:
-        """Put the handles back."""
+        """Restore the handles."""
         self._stage.revert()
 
 

@@ -1,4 +1,4 @@
-"""What decides a pose: the handles and the prior's mean, as immutable values."""
+"""The input of a pose, as immutable values: the handles and the prior's mean."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ KINDS: tuple[Kind, ...] = ("soft", "exact", "pin")
 Body = Literal["auto", "stays", "moves"]
 BODIES: tuple[Body, ...] = ("auto", "stays", "moves")
 
-NOISE = 0.007  # in bounding diagonals: a hand is less precise than a marker, the prior may resist
+NOISE = 0.007  # in bounding diagonals; larger than a marker's, because a hand is less precise
 # Freedom of the rigid motion of a body that stays where it is; see HandleSolver.
 _STAYS = 0.01
-# So many handles fix a body in space; with fewer a drag would carry it along as a whole.
+# So many handles fix a body in space; with fewer a drag would move it as a whole.
 _FIXING = 3
 
 
 @dataclass(frozen=True)
 class Handle:
-    """What the user drags: a vertex, or a painted region by a few vertices of it.
+    """A handle: a vertex, or a painted region with targets for a few of its vertices.
 
     Args:
         id: number that no other handle of the session has.
@@ -59,7 +59,7 @@ class Handle:
 
 @dataclass(frozen=True)
 class Solution:
-    """What the solver has found: enough to show the same pose again, see HandleSolver.restore.
+    """A solution of the solver, from which HandleSolver.restore computes the same pose again.
 
     Args:
         z: (K,) latent code.
@@ -74,7 +74,7 @@ class Solution:
 
 @dataclass(frozen=True)
 class Edit:
-    """All that decides a pose.
+    """Everything that a pose depends on.
 
     Args:
         base: (K,) latent code that is the prior's mean: the pose without handles.

@@ -1,4 +1,4 @@
-"""What a user can do with a model: place and move handles, slide components, mirror, compare.
+"""The editor: commands on a model, its handles, components, history and picture.
 
 A shell (a plain window, the Qt window, a test) feeds events to `controller`, calls `tick` when
 there is time, and listens to `on_change`.
@@ -53,14 +53,14 @@ class Editor:
         wake: called, also on other threads, when `tick` has something to do.
 
     Attributes:
-        state: what the picture shows besides the pose.
-        stage: what the mouse can see and do.
-        controller: takes the events of the mouse.
+        state: state of the picture apart from the pose.
+        stage: queries and commands for the mouse.
+        controller: handler of the events of the mouse.
         on_change: called with every change.
     """
 
     def __init__(self, view: MeshView, wake: Callable[[], None] = lambda: None) -> None:
-        """Begin without a model."""
+        """Start without a model."""
         self.on_change: list[Callable[[Change], Any]] = []
         self.state = ViewState(view, self._announce, wake)
         self.stage = MouseStage(self)
@@ -89,13 +89,13 @@ class Editor:
 
     @property
     def session(self) -> Session:
-        """The history of what has been done."""
+        """The session, with its history."""
         assert self._session is not None, "no model is open"
         return self._session
 
     @property
     def edit(self) -> Edit:
-        """The present handles and prior."""
+        """The current handles and prior."""
         return self.session.edit
 
     def open_model(self, path: str | Path, session: Session | None = None) -> None:
@@ -194,7 +194,7 @@ class Editor:
 
     @property
     def busy(self) -> bool:
-        """True while a pose, a frame or a job is still to come."""
+        """True while a pose, a frame or a job is pending."""
         return bool(self._jobs) or (self._display is not None and self._display.busy)
 
     @property
@@ -203,12 +203,12 @@ class Editor:
         return not (self.busy or self.dragging) and self.state.view.is_sharp
 
     def run(self, job: Iterator[None]) -> None:
-        """Do a step of `job` every tick, so that the window stays alive."""
+        """Run one step of `job` in every tick, so that the window stays responsive."""
         self._jobs.add(job)
         self._wake()
 
     def tick(self) -> None:
-        """Fetch what the solver has, draw what has changed, go on with jobs; never waits."""
+        """Fetch the newest pose, draw changes and continue jobs, without waiting."""
         if self._display is None:
             return
         self._display.tick(self.dragging)
@@ -216,7 +216,7 @@ class Editor:
             self._announce(MistakeMade.of(error))
 
     def note(self, text: str) -> None:
-        """Tell the user something that is no mistake."""
+        """Show the user a message that is no error."""
         self._announce(NoticeGiven(text))
 
     def _announce(self, *changes: Change) -> None:
@@ -232,11 +232,11 @@ class Editor:
         return self.state.selected
 
     def select(self, handles: Iterable[int], add: bool = False, toggle: bool = False) -> None:
-        """Select handles: these alone, these too, or turn each over."""
+        """Select handles: these alone, in addition, or toggled."""
         self.state.select(handles, add, toggle)
 
     def place(self, vertex: int, add: bool = False) -> int:
-        """Put a handle on a vertex where it is now, or select the one there; return its id."""
+        """Place a handle at a vertex's position, or select the one there; return its id."""
         for handle in self.edit.handles:
             if handle.vertices == (vertex,):
                 self.select([handle.id], add=add)
@@ -250,7 +250,7 @@ class Editor:
         return handle.id
 
     def move_selected(self, motion: Motion) -> None:
-        """Move the selected handles from where they were when this drag began; pins stay."""
+        """Move the selected handles relative to the start of this drag; pins stay."""
         if self._before_drag is None:
             self._before_drag = self.edit
         moved = [h.moved(motion) for h in self.state.movable(self._before_drag.handles)]
@@ -259,7 +259,7 @@ class Editor:
         self._announce(HandlesDragged())
 
     def commit(self, label: str) -> None:
-        """End what is under way as one step of the history."""
+        """Make the current change one step of the history."""
         self._before_drag = None
         answer = self.answer
         solution = answer.solution if answer and answer.request.edit == self.edit else None
@@ -268,7 +268,7 @@ class Editor:
         self._ask()
 
     def revert(self) -> None:
-        """Drop what is under way."""
+        """Discard the current change."""
         self._before_drag = None
         if self.session.under_way:
             self.session.revert()
@@ -293,12 +293,12 @@ class Editor:
         self.commit(label)
 
     def undo(self) -> None:
-        """Go one step back."""
+        """Undo one step."""
         if self.session.can_undo:
             self._show_entry(self.session.undo())
 
     def redo(self) -> None:
-        """Go one step forth again."""
+        """Redo one step."""
         if self.session.can_redo:
             self._show_entry(self.session.redo())
 
@@ -315,7 +315,7 @@ class Editor:
         self.change(f"Start from {name}", replace(self.edit, base=base, handles=()))
 
     def start_from_mesh(self, path: str | Path) -> None:
-        """Start from the code whose shape comes closest to a mesh; found in the background.
+        """Start from the code whose shape is closest to a mesh; a background job finds it.
 
         Raises:
             InputError: the mesh has another number of vertices.
@@ -335,12 +335,12 @@ class Editor:
         self.start_from("reference", start_codes(self.model)["Reference"])
 
     def use_as_base(self) -> None:
-        """Make the pose that is shown the prior's mean; handles stay where they are."""
+        """Make the shown pose the prior's mean; handles are unchanged."""
         if self.answer is not None:
             self.change("Start from this pose", replace(self.edit, base=self.answer.solution.z))
 
     def slide(self, component: int, value: float) -> None:
-        """Set a component of the code; handles resist. `commit` ends it. Not during a drag."""
+        """Set a component of the prior's mean until `commit`; not during a drag."""
         if self.dragging:
             return
         if self._before_drag is None:
@@ -352,12 +352,12 @@ class Editor:
         self._ask(moving=True)
 
     def set_noise(self, noise: float) -> None:
-        """Set how far handles may be from their targets for the prior's sake; `commit` ends it."""
+        """Set the expected distance of handles from their targets until `commit`."""
         self.session.change(replace(self.edit, noise=noise))
         self._ask(moving=True)
 
     def set_body(self, body: Body) -> None:
-        """Let the body turn and travel as a whole, or not."""
+        """Set whether the body may turn and travel as a whole."""
         self.change("Body " + body, replace(self.edit, body=body))
 
     # Handles.
@@ -372,7 +372,7 @@ class Editor:
             self.note(_SELECT)
 
     def set_weight(self, weight: float) -> None:
-        """Weigh the selected handles; `commit` ends it."""
+        """Set the weight of the selected handles until `commit`."""
         handles = self.state.selection(self.edit.handles)
         self.session.change(self.edit.with_handles(replace(h, weight=weight) for h in handles))
         self._ask(moving=True)
@@ -406,7 +406,7 @@ class Editor:
         return self._plane
 
     def mirror(self) -> None:
-        """Copy the selected handles, or all, to the other side; what is there already moves."""
+        """Copy the selected handles, or all, to the other side; handles there move."""
         sources = self.state.selection(self.edit.handles) or self.edit.handles
         number = self.session.next_id()
         changed = handle_changes.mirrored(self.edit, sources, self.plane.symmetry, number)
@@ -417,7 +417,7 @@ class Editor:
             self.note("Nothing to mirror: place a handle beside the plane of symmetry first")
 
     def suggest(self) -> None:
-        """Show where another handle would reduce the uncertainty most; again places it."""
+        """Show where another handle reduces the uncertainty most; a second call places it."""
         if self.state.look.colour != "uncertainty":
             self.change_look(colour="uncertainty")
             self.note("Red is where one more handle would tell most; N again places it")
@@ -428,7 +428,7 @@ class Editor:
     # Looks.
 
     def frame(self, azimuth: float = 25.0, elevation: float = 8.0) -> None:
-        """Look at all of the shape from a direction, in degrees; see `aim`."""
+        """Aim the camera at the whole shape from a direction in degrees; see `aim`."""
         self.state.frame(self.vertices, azimuth, elevation)
 
     def change_look(self, **changes: Any) -> None:

@@ -1,4 +1,4 @@
-"""What a person does with mouse and keys, as a window reports it to the controller."""
+"""Events of mouse and keys, as a window reports them to the controller."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What leaves an editor for other programs: the pose, the handles, the picture."""
+"""Exports of an editor: the pose, the handles, the picture."""
 
 from __future__ import annotations
 
@@ -34,5 +34,5 @@ def export_handles(editor: Editor, path: str | Path) -> None:
 
 
 def save_screenshot(editor: Editor, path: str | Path) -> None:
-    """Write the picture as it is, sharply."""
+    """Write the current picture with anti-aliasing."""
     save_picture(path, editor.state.view.picture())

@@ -1,4 +1,4 @@
-"""The manipulator at the centre of the selected handles: its parts, and what a drag of one does.
+"""The manipulator at the centre of the selected handles: its parts, and the motions of drags.
 
 Move: three axes and three planes. Rotate: three rings. Scale: one square at the centre. Its axes
 are those of the world, its size is constant on the screen.
@@ -67,7 +67,7 @@ class Gizmo:
 
     Args:
         centre: (3,) its position.
-        mode: what it does, which decides its parts.
+        mode: "move", "rotate" or "scale", which determines its parts.
     """
 
     centre: tuple[float, float, float]
@@ -110,7 +110,7 @@ class Gizmo:
     def motion(
         self, part: str, start: ArrayLike, now: ArrayLike, camera: Camera, size: Size
     ) -> Motion | None:
-        """Return what a drag of a part from pixel `start` to pixel `now` does.
+        """Return the motion of a drag of a part from pixel `start` to pixel `now`.
 
         None where the view is so flat along the part that the mouse does not determine it.
         """

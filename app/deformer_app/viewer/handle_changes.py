@@ -1,4 +1,4 @@
-"""Changes of handles: each makes the next `Edit` or `Handle` of an older one, and nothing else."""
+"""Changes of handles: pure functions from an `Edit` or `Handle` to the next one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the help says: all keys, and what the mouse does."""
+"""Contents of the help: all keys and the use of the mouse."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOUSE = (
 
 
 def help_groups() -> dict[str, list[tuple[str, str]]]:
-    """Return all keys and what the mouse does, by menu: what to press and what it does."""
+    """Return pairs of key or mouse action and effect, by menu."""
     groups = {"Mouse": list(MOUSE)}
     for menu in MENUS:
         groups[menu] = [(a.key, a.title.rstrip("…")) for a in ACTIONS if a.key and a.menu == menu]
@@ -26,7 +26,7 @@ def help_groups() -> dict[str, list[tuple[str, str]]]:
 
 
 def help_text() -> str:
-    """Return all keys and what the mouse does, as lines of text."""
+    """Return all keys and the use of the mouse, as lines of text."""
     rows = [row for group in help_groups().values() for row in group]
     width = max(len(name) for name, _ in rows)
     return "\n".join(f"{name:<{width}}  {what}" for name, what in rows)

@@ -1,4 +1,4 @@
-"""The plane across which handles are mirrored: the body's own, or one that the user names."""
+"""The mirror plane of handles: the body's symmetry plane, or one that the user names."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class MirrorPlane:
     """
 
     def __init__(self, reference: Mesh) -> None:
-        """Look for nothing yet."""
+        """Store the mesh; its plane is found at the first use."""
         self._reference = reference
         self._symmetry: Symmetry | None = None
 
@@ -33,7 +33,7 @@ class MirrorPlane:
         return self._symmetry
 
     def find(self) -> None:
-        """Find the plane across which the body is its own image, whatever was set before."""
+        """Use the body's symmetry plane, in place of any plane set before."""
         self._symmetry = None
 
     def set_across(self, axis: Axis) -> None:

@@ -1,4 +1,4 @@
-"""Which model and session to begin with, and the poses that a model can start from."""
+"""The model and session to open first, and the codes that a model can start from."""
 
 from __future__ import annotations
 
@@ -41,5 +41,5 @@ def start_codes(model: DeformationModel) -> dict[str, NDArray[np.float64]]:
 
 
 def stored_name(path: str | Path) -> str:
-    """Return how a session names a model: a shipped model's name, or an absolute path."""
+    """Return a model's name in sessions: a shipped model's name, or an absolute path."""
     return str(path) if str(path) in deformer.shipped_models() else str(Path(path).resolve())

@@ -1,4 +1,4 @@
-"""An editor as the mouse sees it: the controller's `Stage`."""
+"""The controller's `Stage` for an editor."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 
 
 class MouseStage:
-    """What lies under the mouse in an editor's picture, and what the mouse does to it.
+    """Finds what is under the mouse in an editor's picture, and passes commands to the editor.
 
     Args:
-        editor: what is commanded.
+        editor: receiver of the commands.
 
     Attributes:
         brush: paints regions.
     """
 
     def __init__(self, editor: Editor) -> None:
-        """Begin with nothing painted."""
+        """Start with nothing painted."""
         self.brush = RegionBrush()
         self._editor = editor
 
@@ -66,7 +66,7 @@ class MouseStage:
 
     @property
     def hint(self) -> str:
-        """A line that says what the mouse would do here."""
+        """A line of text about what the mouse would do here."""
         found = self._editor.state.hovered
         if self._editor.preparing:
             return "Preparing the solver …"
@@ -102,15 +102,15 @@ class MouseStage:
         return np.array(self._editor.edit.handle(handle).centre)
 
     def hover(self, found: Hover) -> None:
-        """Light up what is under the cursor."""
+        """Highlight what is under the cursor."""
         self._editor.state.hover(found)
 
     def select(self, handles: Iterable[int], add: bool = False, toggle: bool = False) -> None:
-        """Select handles: these alone, these too, or turn each over."""
+        """Select handles: these alone, in addition, or toggled."""
         self._editor.select(handles, add, toggle)
 
     def set_camera(self, camera: Camera) -> None:
-        """Look through another camera."""
+        """Set the camera."""
         self._editor.state.set_camera(camera)
 
     def show_box(self, corners: tuple[Pixel, Pixel] | None) -> None:
@@ -119,19 +119,19 @@ class MouseStage:
         self._editor.state.invalidate()
 
     def place(self, vertex: int, add: bool) -> int:
-        """Put a handle on a vertex and select it, as part of what is under way; return its id."""
+        """Place a handle on a vertex and select it, within the current change; return its id."""
         return self._editor.place(vertex, add)
 
     def move_selected(self, motion: Motion) -> None:
-        """Move the selected handles from where they were when this drag began."""
+        """Move the selected handles relative to the start of this drag."""
         self._editor.move_selected(motion)
 
     def commit(self, label: str) -> None:
-        """End what is under way as one step of the history."""
+        """Make the current change one step of the history."""
         self._editor.commit(label)
 
     def revert(self) -> None:
-        """Drop what is under way, and what has been painted."""
+        """Discard the current change and the painted region."""
         self.clear_region()
         self._editor.revert()
 

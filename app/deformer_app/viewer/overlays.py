@@ -1,4 +1,4 @@
-"""What is drawn upon the surface: handles, manipulator, what is under the mouse, texts."""
+"""Drawings over the surface: handles, manipulator, highlights and texts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from deformer_app.viewer.primitives import Dots, Strokes
 
 Corner = Literal["bottom", "top", "middle"]  # left, right, and of the picture
 
-_APART = 4.0  # pixels from handle to target from which a line joins them
+_APART = 4.0  # distance in pixels from which a line joins handle and target
 _CORNERS: dict[Corner, tuple[float, float]] = {
     "bottom": (0.015, 0.02),
     "top": (0.985, 0.98),
@@ -31,8 +31,8 @@ class HandleDots:
     """Handles to draw.
 
     Args:
-        positions: (n, 3) where the handles' vertices are.
-        targets: (n, 3) where they should be.
+        positions: (n, 3) positions of the handles' vertices.
+        targets: (n, 3) their targets.
         colours: n names of colours.
         sizes: n diameters in pixels.
     """
@@ -68,11 +68,11 @@ class Overlays:
         self._texts = {corner: _text(above, corner) for corner in _CORNERS}
 
     def look(self, camera: Camera) -> None:
-        """Draw what comes for a camera."""
+        """Set the camera for the following drawings."""
         self._camera = camera
 
     def magnify(self, scene: float, above: float) -> None:
-        """Draw sizes in pixels so many times as large, in either renderer."""
+        """Set the factor on all sizes in pixels."""
         self._scale = scene, above
         for dots in (*self._balls.values(), self._hover):
             dots.magnify(scene)
@@ -88,7 +88,7 @@ class Overlays:
             text.GetTextProperty().SetBackgroundColor(*(c / 255 for c in rgb(theme.background)))
 
     def show_handles(self, handles: HandleDots) -> None:
-        """Draw handles as balls, and lines to targets that are visibly elsewhere."""
+        """Draw handles as balls, with lines to targets that are visibly apart."""
         for size in set(self._balls) | set(handles.sizes):
             rows = [n for n, s in enumerate(handles.sizes) if s == size]
             if size not in self._balls:
@@ -107,12 +107,12 @@ class Overlays:
         self._residuals.show(list(lines), [TARGET] * len(lines))
 
     def show_hover(self, points: ArrayLike) -> None:
-        """Light up points (n, 3)."""
+        """Highlight points (n, 3)."""
         spots = np.asarray(points, dtype=np.float64).reshape(-1, 3)
         self._hover.show(spots, [HOVERED] * len(spots))
 
     def show_gizmo(self, gizmo: Gizmo | None, lit: str | None) -> None:
-        """Draw the manipulator; one part of it lit up."""
+        """Draw the manipulator, with one part highlighted."""
         drawn: dict[bool, list[tuple[NDArray, str]]] = {False: [], True: []}
         if gizmo is not None and self._camera is not None:
             for part in gizmo.parts:
@@ -127,7 +127,7 @@ class Overlays:
     def _colour_of(self, part: str) -> str:
         if part == "s":
             return self._ink
-        # A plane has the colour of the axis across it.
+        # A plane has the colour of its normal axis.
         across = set("xyz") - set(part) if len(part) == 2 and part[0] != "r" else {part[-1]}
         return AXES[across.pop()]
 

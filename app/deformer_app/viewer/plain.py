@@ -36,9 +36,9 @@ class PlainWindow:
     """An editor in a window of pyvista.
 
     Args:
-        model: what to open.
+        model: name or path of the model to open.
         session: a session to open with it.
-        file: where the session came from and is saved to.
+        file: file that the session was read from and is saved to.
         size: of the window in pixels.
     """
 
@@ -68,7 +68,7 @@ class PlainWindow:
         while self._open:
             interactor.process_events()
             self.editor.tick()
-            # Drawing holds Python's lock: on a busy machine nothing would be left to the solver.
+            # Drawing holds Python's lock, so that on a busy machine the solver would never run.
             frame = self.editor.state.view.frame_milliseconds / 1000
             time.sleep(max(_PAUSE, frame) if self.editor.preparing else _PAUSE)
         self.editor.close()
@@ -120,7 +120,7 @@ class PlainWindow:
         self.editor.state.view.overlays.write("bottom", text)
         self.editor.state.view.render()
 
-    # What actions ask for; see `actions.Shell`.
+    # Functions that actions call; see `actions.Shell`.
 
     def save(self, elsewhere: bool) -> bool:
         """Save the session to the file that it came from."""
@@ -139,7 +139,7 @@ class PlainWindow:
     begin_tour = help
 
     def close(self) -> None:
-        """End; the second time if there is unsaved work."""
+        """Close the window; with unsaved work, only at the second call."""
         if self.editor.session.changed and not self._asked_to_close:
             self._asked_to_close = True
             self._say("Unsaved changes: Ctrl+S saves, Ctrl+Q again closes without")

@@ -1,4 +1,4 @@
-"""The picture of a session's pose, kept up to date with what the solver in the background gives."""
+"""The picture of a session's pose, updated with the poses of the background solver."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ class PoseDisplay:
 
     Args:
         model: the prior.
-        session: what is solved for.
-        state: what the picture shows besides the pose.
-        jobs: where work goes that takes several ticks.
+        session: session whose current state is solved.
+        state: state of the picture apart from the pose.
+        jobs: queue of jobs that need several ticks.
         announce: called with every change.
         wake: called, also on other threads, when `tick` has something to do.
 
     Attributes:
-        poses: the newest pose, and how long poses take to come.
+        poses: the newest pose, and the latencies of poses.
         activations: strengths and limits of the components, once they have been measured.
     """
 
@@ -62,7 +62,7 @@ class PoseDisplay:
 
     @property
     def busy(self) -> bool:
-        """True while a pose or a frame is still to come."""
+        """True while a pose or a frame is pending."""
         return self.poses.busy or self._state.is_stale
 
     def close(self, seconds: float = 5.0) -> None:
@@ -91,7 +91,7 @@ class PoseDisplay:
         self._state.invalidate()
 
     def ask_for_colours(self) -> None:
-        """Have the pose coloured anew, without another solve where it is final."""
+        """Request new colours of the pose; a final pose is not solved again."""
         answer = self.poses.answer
         if answer is not None and answer.final and answer.request.edit == self._session.edit:
             self.ask(answer.solution)
@@ -121,7 +121,7 @@ class PoseDisplay:
             state.sharpen_at_rest()
 
     def _show(self, before: Answer | None, answer: Answer) -> None:
-        """Show an answer; `before` is the one that was shown."""
+        """Show an answer; `before` is the previous one."""
         if before is None:
             self._jobs.add(self._measure_components())
         if before is not None and answer.final and before.request.edit == answer.request.edit:
@@ -160,7 +160,7 @@ class PoseDisplay:
         self._state.invalidate()
 
     def _measure_components(self) -> Iterator[None]:
-        """Find strengths and limits of the components on a thread: seconds on a large mesh."""
+        """Measure the components on a thread, because it takes seconds on a large mesh."""
         found = yield from in_background(lambda: Activations(self._model))
         if not self._closed:
             self.activations = found

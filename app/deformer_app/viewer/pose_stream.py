@@ -1,4 +1,4 @@
-"""The poses of one model, as a solver in the background gives them."""
+"""The stream of poses from the background solver of a model."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LATE, _LATE_IN_DRAG = 0.03, 0.15
 
 
 class PoseStream:
-    """The newest pose of a model, and how long poses take to come.
+    """The newest pose of a model, and the latencies of poses.
 
     Args:
         model: the prior.
@@ -49,11 +49,11 @@ class PoseStream:
 
     @property
     def busy(self) -> bool:
-        """True while an answer or a failure is still to come or to be fetched."""
+        """True while an answer or a failure is pending or not yet fetched."""
         return self._thread.busy
 
     def ask(self, request: Request) -> None:
-        """Have a request answered, unless a newer one comes before it is begun."""
+        """Send a request; a newer one replaces it if it has not been started."""
         self._number += 1
         self._asked_at[self._number] = time.perf_counter()
         self._thread.ask(replace(request, number=self._number))
@@ -63,17 +63,17 @@ class PoseStream:
         answer = self._thread.newest()
         if answer is not None:
             if self.answer is None:
-                # What waited for the preparation tells nothing of the feel of a drag.
+                # Requests that waited for the preparation say nothing about drags.
                 self._asked_at.clear()
             self.answer = answer
         return answer
 
     def errors(self) -> list[Exception]:
-        """Return why requests could not be answered since the last call."""
+        """Return the failures of requests since the last call."""
         return [failure.error for failure in self._thread.failures()]
 
     def is_worth_waiting_for(self, seconds_since_frame: float, dragging: bool) -> bool:
-        """Return True if a frame without the pose that is being solved for would come too soon."""
+        """Return True while a frame should wait for the pose that is being solved."""
         late = _LATE_IN_DRAG if dragging else _LATE
         return self._thread.busy and seconds_since_frame < late and self.answer is not None
 
@@ -86,7 +86,7 @@ class PoseStream:
             self.latencies.append(time.perf_counter() - asked)
 
     def close(self, seconds: float = 5.0) -> None:
-        """End the thread after the answer under way; wait for that at most so long."""
+        """End the thread after the current answer; wait for it at most `seconds`."""
         self._thread.close(seconds)
 
 

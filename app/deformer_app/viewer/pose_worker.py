@@ -1,4 +1,4 @@
-"""From an edit to what is drawn: the pose, its normals and its colours; runs in the background."""
+"""Background computation of a pose with its normals and colours from an edit."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _STILL = 1e-4  # relative decrease of the energy that counts as converged
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """What to solve and what to show with it.
+    """A request for a pose and its colours.
 
     Args:
         edit: the state.
@@ -44,17 +44,17 @@ class Request:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """A pose and all that is drawn of it.
+    """A pose with its normals, colours and measures.
 
     Args:
-        request: what was asked.
+        request: the request that is answered.
         pose: of the handles' vertices, in the order of `Edit.arrays`.
         normals: (V, 3).
-        paint: colours; None leaves those of before.
+        paint: colours; None keeps the previous ones.
         off_data: distance of the code from the examples, see `Familiarity`.
         error: E_rms against the target, nothing aligned, if there is one.
-        suggestion: vertex of the next handle, where that was asked for by colour.
-        final: nothing better will follow.
+        suggestion: vertex of the next handle, if the colouring is that of uncertainty.
+        final: true if no better pose will follow.
     """
 
     request: Request
@@ -100,7 +100,7 @@ class PoseWorker:
         self._edit = None
 
     def __call__(self, request: Request) -> Iterator[Answer]:
-        """Yield ever better poses of a request; the last is final unless more requests follow."""
+        """Yield successively better poses of a request; the last is final unless it is moving."""
         pose = self.begin(request.edit, request.solution)
         if request.solution is not None or not request.edit.handles:
             yield self._answer(request, pose, True)
@@ -134,7 +134,7 @@ class PoseWorker:
         return list(self(Request(edit)))[-1].pose
 
     def _follow(self, edit: Edit) -> None:
-        """Tell the solver what has changed since the last edit."""
+        """Pass the changes since the last edit to the solver."""
         last, self._edit = self._edit, None
         if last is None or last.base != edit.base:
             self._solver.set_prior(mean=edit.base)

@@ -1,4 +1,4 @@
-"""Dots and strokes: VTK actors that are made once and refilled, which costs microseconds."""
+"""Dots and strokes: VTK actors that are created once and refilled within microseconds."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Dots(_Primitives):
     """
 
     def __init__(self, renderer: vtkRenderer, size: int) -> None:
-        """Begin with none."""
+        """Start with none."""
         super().__init__(renderer)
         self._size = size
         look = self.actor.GetProperty()
@@ -70,7 +70,7 @@ class Dots(_Primitives):
         self._mapper.SetRelativeCoincidentTopologyPointOffsetParameter(-6000.0)
 
     def magnify(self, factor: float) -> None:
-        """Draw with so many times the size: pixels may be smaller than those that one aims at."""
+        """Set the factor from the picture's pixels to VTK's."""
         self.actor.GetProperty().SetPointSize(factor * self._size)
 
     def show(self, points: NDArray, colours: Sequence[str]) -> None:
@@ -90,14 +90,14 @@ class Strokes(_Primitives):
     """
 
     def __init__(self, renderer: vtkRenderer, width: float) -> None:
-        """Begin with none."""
+        """Start with none."""
         super().__init__(renderer)
         self._width = width
         self.magnify(1.0)
         self.actor.GetProperty().SetLighting(False)
 
     def magnify(self, factor: float) -> None:
-        """Draw with so many times the width."""
+        """Set the factor on the width."""
         self.actor.GetProperty().SetLineWidth(factor * self._width)
 
     def show(self, lines: Sequence[NDArray], colours: Sequence[str]) -> None:

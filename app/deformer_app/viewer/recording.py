@@ -35,7 +35,7 @@ class Recorder:
     def __init__(self, editor: Editor) -> None:
         """Begin with the next frame."""
         self._editor = editor
-        # Compressed: a minute of pictures would fill gigabytes.
+        # Compressed, because a minute of pictures would need gigabytes.
         self._frames: list[bytes] = []
         self._times: list[float] = []
         editor.on_change.append(self._hear)

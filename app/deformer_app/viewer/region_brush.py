@@ -17,7 +17,7 @@ class RegionBrush:
     """
 
     def __init__(self) -> None:
-        """Begin with nothing painted."""
+        """Start with nothing painted."""
         self.radius = 0.08
         self._region: set[int] = set()
 
@@ -27,7 +27,7 @@ class RegionBrush:
         return sorted(self._region)
 
     def resize(self, factor: float) -> None:
-        """Make the brush larger or smaller, within reason."""
+        """Make the brush larger or smaller within its limits."""
         self.radius = min(max(factor * self.radius, _SMALLEST), _LARGEST)
 
     def paint(self, model: DeformationModel, vertex: int) -> None:

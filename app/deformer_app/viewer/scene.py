@@ -1,4 +1,4 @@
-"""The picture: a surface and what is drawn upon it, on any pyvista plotter.
+"""The picture: a surface and drawings over it, on any pyvista plotter.
 
 The view draws what it is told and says what lies under a pixel; it decides nothing. Pixels count
 from the top left corner and are those that a person aims at: of a dense screen, each is several of
@@ -28,7 +28,7 @@ _SUPERSAMPLING = 2.0  # pixels of VTK's pass along each side of one of the pictu
 
 
 class MeshView:
-    """One surface, what is drawn upon it, and the camera.
+    """One surface, the drawings over it, and the camera.
 
     Args:
         plotter: of any kind; its lights and its interactor's style are replaced.
@@ -91,7 +91,7 @@ class MeshView:
         self.overlays.set_theme(theme)
 
     def look(self, camera: Camera) -> None:
-        """Look through a camera."""
+        """Set the camera."""
         self.camera = camera
         self.overlays.look(camera)
         lens = self.plotter.renderer.GetActiveCamera()
@@ -99,7 +99,7 @@ class MeshView:
         lens.SetFocalPoint(*camera.focal)
         lens.SetViewUp(*camera.up)
         lens.SetViewAngle(camera.view_angle)
-        # So wide that no actor is cut off, whatever moves between two frames.
+        # Wide enough that motion between two frames cuts no actor off.
         reach = np.sqrt(((self.surface.vertices - camera.position) ** 2).sum(axis=1))
         far = 2.0 * float(reach.max(initial=1e-3)) + float(camera.depths([camera.focal])[0])
         lens.SetClippingRange(1e-3 * far, far)
@@ -127,7 +127,7 @@ class MeshView:
         return bool(here < there + 8 * self.camera.pixel_size(point, self.size))
 
     def _pick(self, pixel: Any) -> tuple[int, NDArray[np.float64]] | None:
-        """Find the face that is seen at a pixel, and the point (3,) of it."""
+        """Return the visible face at a pixel, and its point (3,) there."""
         actor = self.surface.actor
         if actor is None:
             return None

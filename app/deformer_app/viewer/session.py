@@ -1,4 +1,4 @@
-"""What is being edited: handles and the prior's mean, an endless history, one file for it all.
+"""A session: handles and prior's mean, their unlimited history, and its file.
 
 Nothing here knows of windows or solves anything. Every state is an immutable `Edit`; a command
 makes the next one, `Session` has them all.
@@ -67,7 +67,7 @@ class Session:
     view: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Begin unchanged, with nothing under way."""
+        """Start without a change."""
         self._live: Edit | None = None
         self._saved: Entry | None = self.entries[self.cursor]
 
@@ -84,7 +84,7 @@ class Session:
 
     @property
     def edit(self) -> Edit:
-        """The present state, with changes that are not yet an entry."""
+        """The current state, with changes that are not yet an entry."""
         return self.entry.edit if self._live is None else self._live
 
     @property
@@ -97,11 +97,11 @@ class Session:
         self._live = edit
 
     def revert(self) -> None:
-        """Drop what is under way."""
+        """Discard the current change."""
         self._live = None
 
     def commit(self, label: str, solution: Solution | None = None) -> bool:
-        """Make what is under way an entry; return False if nothing is different."""
+        """Make the current change an entry; return False if nothing is different."""
         edit, self._live = self.edit, None
         if edit == self.entry.edit:
             return False
@@ -116,7 +116,7 @@ class Session:
         return self.commit(label)
 
     def solved(self, edit: Edit, solution: Solution) -> None:
-        """Note the pose of the entry that is shown, if it still is the solution of that edit."""
+        """Store the pose of the shown entry, if it is the solution of that edit."""
         if self._live is None and edit == self.entry.edit:
             was_saved = self._saved is self.entry
             self.entries[self.cursor] = replace(self.entry, solution=solution)
@@ -134,18 +134,18 @@ class Session:
         return self.cursor + 1 < len(self.entries) and not self.under_way
 
     def undo(self) -> Entry:
-        """Go one entry back; return the one that is shown now."""
+        """Undo one entry; return the one shown now."""
         self.cursor -= self.can_undo
         return self.entry
 
     def redo(self) -> Entry:
-        """Go one entry forth; return the one that is shown now."""
+        """Redo one entry; return the one shown now."""
         self.cursor += self.can_redo
         return self.entry
 
     @property
     def changed(self) -> bool:
-        """True if something would be lost without saving."""
+        """True if there are unsaved changes."""
         return self.under_way or self._saved is not self.entry
 
     def mark_unsaved(self) -> None:
@@ -257,7 +257,7 @@ class Session:
         return cls(model, entries, cursor, dict(data["view"]))
 
     def check_fits(self, model: deformer.DeformationModel, where: str | Path) -> None:
-        """Raise InputError unless the session was made with this very model."""
+        """Raise InputError unless the session belongs to this model."""
         if model.fingerprint != self.model.fingerprint:
             raise InputError(
                 f"{where}: made with another model than this one (it was {self.model.path}); "

@@ -1,4 +1,4 @@
-"""What the program remembers between two starts: recent files, the tour, work left by a crash."""
+"""Persistent settings: recent files, the tour, autosaves for recovery after a crash."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Settings:
     """
 
     def __init__(self, folder: Path | None = None) -> None:
-        """Make the folder and take a name for this run's autosave."""
+        """Create the folder, and reserve a name for this run's autosave."""
         self.folder = folder or Path(
             os.environ.get("DEFORMER_SETTINGS") or typer.get_app_dir("deformer")
         )
@@ -38,7 +38,7 @@ class Settings:
                 lock.acquire(timeout=0)
             except Timeout:
                 continue
-            if self.autosave.exists():  # left by a crash: keep it until it is asked for
+            if self.autosave.exists():  # left by a crash; kept until the user decides
                 lock.release()
                 continue
             self._lock = lock
@@ -50,7 +50,7 @@ class Settings:
         try:
             return io.read_json(self._file)
         except InputError:
-            return {}  # no work is lost with settings: damaged ones start anew
+            return {}  # damaged settings are replaced by defaults; they hold no work
 
     def _write(self, **changes: Any) -> None:
         io.write_json(self._file, {**self._read(), **changes})
@@ -85,7 +85,7 @@ class Settings:
         self._write(tour_seen=True)
 
     def left_by_crash(self) -> Path | None:
-        """Return the newest autosave of a run that has not ended well, or None."""
+        """Return the newest autosave of a run that has crashed, or None."""
         found = []
         for path in self.folder.glob("autosave-*.json"):
             lock = FileLock(f"{path}.lock")
@@ -102,7 +102,7 @@ class Settings:
         path.unlink(missing_ok=True)
 
     def close(self) -> None:
-        """End well: leave no autosave behind."""
+        """Delete this run's autosave at a regular end."""
         self.forget(self.autosave)
         if self._lock is not None:
             self._lock.release()

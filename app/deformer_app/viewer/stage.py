@@ -1,4 +1,4 @@
-"""What the controller of the mouse sees and commands."""
+"""The interface between the controller of the mouse and an editor."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Hover:
 
 
 class Stage(Protocol):
-    """What the controller sees and commands."""
+    """Queries and commands of the controller."""
 
     @property
     def camera(self) -> Camera:
@@ -75,31 +75,31 @@ class Stage(Protocol):
         ...
 
     def hover(self, found: Hover) -> None:
-        """Light up what is under the cursor."""
+        """Highlight what is under the cursor."""
         ...
 
     def select(self, handles: Sequence[int], add: bool = False, toggle: bool = False) -> None:
-        """Select handles: these alone, these too, or turn each over."""
+        """Select handles: these alone, in addition, or toggled."""
         ...
 
     def place(self, vertex: int, add: bool) -> int:
-        """Put a handle on a vertex and select it, as part of what is under way; return its id."""
+        """Place a handle on a vertex and select it, within the current change; return its id."""
         ...
 
     def move_selected(self, motion: Motion) -> None:
-        """Move the selected handles from where they were when this drag began."""
+        """Move the selected handles relative to the start of this drag."""
         ...
 
     def commit(self, label: str) -> None:
-        """End what is under way as one step of the history."""
+        """Make the current change one step of the history."""
         ...
 
     def revert(self) -> None:
-        """Drop what is under way."""
+        """Discard the current change."""
         ...
 
     def set_camera(self, camera: Camera) -> None:
-        """Look through another camera."""
+        """Set the camera."""
         ...
 
     def show_box(self, corners: tuple[Pixel, Pixel] | None) -> None:

@@ -1,4 +1,4 @@
-"""The surface that is edited, its colours, and what is compared with it, as VTK actors."""
+"""The edited surface, its colours and a translucent mesh to compare, as VTK actors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from deformer import Mesh
 from deformer_app.rendering.palette import DIVERGING, HEAT, REGION, Theme
 from deformer_app.viewer.colouring import Paint
 
-# Handed to every actor: when to draw and where to look is the view's to decide.
+# Options of every actor: the view alone decides when to draw, and the camera.
 _PASSIVE: dict[str, Any] = {"render": False, "reset_camera": False}
 
 
@@ -72,7 +72,7 @@ class Surface:
             self._actors["region"].mapper.dataset.points = self._data.points
 
     def paint(self, paint: Paint | None) -> None:
-        """Colour the mesh by values, or not."""
+        """Colour the mesh by values; None removes the colours."""
         before, self._paint = self._paint, paint
         if (
             before is not None
@@ -167,7 +167,7 @@ class Surface:
         else:
             self._set_values(paint)
             style |= {
-                # Shade must not be mistaken for a dark colour.
+                # Less shading, so that shadows do not look like dark colours.
                 "ambient": 0.32,
                 "diffuse": 0.72,
                 "specular": 0.0,

@@ -1,4 +1,4 @@
-"""A mesh to compare the pose with, and how a session names it."""
+"""A mesh to compare the pose with, and its entry in a session."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Target:
         return found, "" if same else f"{path}: the target mesh has changed since it was saved"
 
     def as_json(self) -> dict[str, str]:
-        """Return how a session names the file."""
+        """Return the file's entry in a session."""
         return {"path": self.path, "sha256": self.sha256}
 
 

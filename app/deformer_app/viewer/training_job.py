@@ -36,7 +36,7 @@ class TrainingJob:
         self._thread.start()
 
     def cancel(self) -> None:
-        """Stop after the step under way; nothing is written."""
+        """Stop after the current step; nothing is written."""
         self._stop = True
 
     @property

@@ -1,4 +1,4 @@
-"""What the picture shows besides the pose: camera, looks, selection, manipulator, target."""
+"""State of the picture apart from the pose: camera, look, selection, manipulator, target."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Look:
 
 
 class ViewState:
-    """The state of one picture, and what draws it.
+    """The state of one picture, with its drawing.
 
     Args:
         view: the picture.
@@ -98,7 +98,7 @@ class ViewState:
     # When to draw.
 
     def invalidate(self) -> None:
-        """Note that the picture must be drawn again."""
+        """Mark the picture as out of date."""
         self._stale, self._changed_at = True, time.perf_counter()
         self._wake()
 
@@ -137,7 +137,7 @@ class ViewState:
         return self._camera
 
     def set_camera(self, camera: Camera) -> None:
-        """Look through another camera."""
+        """Set the camera."""
         self._camera = camera
         self.view.look(camera)
         self.invalidate()
@@ -149,7 +149,7 @@ class ViewState:
         return upright_axes(self._up)[1]
 
     def frame(self, vertices: ArrayLike, azimuth: float = 25.0, elevation: float = 8.0) -> None:
-        """Look at all of some points (n, 3) from a direction, in degrees; see `aim`."""
+        """Aim the camera at points (n, 3) from a direction in degrees; see `aim`."""
         width, height = self.view.size
         self.set_camera(
             aim(
@@ -185,7 +185,7 @@ class ViewState:
         self.view.surface.paint(paint)
 
     def preview_paint(self, paint: Paint | None) -> None:
-        """Colour the surface for a moment; None goes back to what `show_paint` was given."""
+        """Colour the surface temporarily; None restores the colours of `show_paint`."""
         self.view.surface.paint(self._paint if paint is None else paint)
         self.invalidate()
 
@@ -204,7 +204,7 @@ class ViewState:
     # Handles.
 
     def select(self, handles: Iterable[int], add: bool = False, toggle: bool = False) -> None:
-        """Select handles by their ids: these alone, these too, or turn each over."""
+        """Select handles by their ids: these alone, in addition, or toggled."""
         new = frozenset(handles)
         if toggle:
             new = self.selected ^ new
@@ -216,7 +216,7 @@ class ViewState:
             self._announce(HandlesChanged())
 
     def forget_missing(self, handles: Iterable[Handle]) -> None:
-        """Select none but those of `handles` that are selected."""
+        """Deselect all ids that are not in `handles`."""
         self.selected &= {handle.id for handle in handles}
 
     def selection(self, handles: Iterable[Handle]) -> list[Handle]:
@@ -237,7 +237,7 @@ class ViewState:
         return Gizmo(centre, self.gizmo_mode if several else "move")
 
     def hover(self, found: Hover) -> None:
-        """Light up what is under the cursor."""
+        """Highlight what is under the cursor."""
         if found != self.hovered:
             self.hovered = found
             self.invalidate()
@@ -301,7 +301,7 @@ class ViewState:
     # In a session.
 
     def as_json(self) -> dict[str, Any]:
-        """Return what a session keeps of this state."""
+        """Return the part of this state that a session stores."""
         return {
             "camera": asdict(self._camera),
             "look": asdict(self.look),
@@ -309,7 +309,7 @@ class ViewState:
         }
 
     def restore(self, data: dict[str, Any]) -> list[str]:
-        """Bring back what `as_json` gave, or as much of it as there is.
+        """Restore the result of `as_json`, as far as it is complete.
 
         Returns:
             Messages for the user.

@@ -1,4 +1,4 @@
-"""Mouse and keys of VTK's interactor, from whatever window, as events for the controller."""
+"""Events for the controller from mouse and keys of any window's VTK interactor."""
 
 from __future__ import annotations
 
@@ -63,5 +63,5 @@ def listen(
         )
     for event, report in observers.items():
         interactor.AddObserver(event, lambda *_, r=report: r(), _BEFORE_CAMERA)
-    # VTK's own letters (e ends, w shows wires, …) would come in addition to ours.
+    # VTK would also act on its own letters (e ends, w shows wires, …).
     interactor.RemoveObservers(vtkCommand.CharEvent)

@@ -1,4 +1,4 @@
-"""Work in the background of the window, which never waits for it.
+"""Background work of the window, which never waits for it.
 
 A thread answers the latest request; whatever was asked in between is forgotten. The window writes
 one slot, the thread another: neither waits for the other, and a fast drag leaves no backlog.
@@ -46,7 +46,7 @@ def in_background(work: Callable[[], Result]) -> Generator[None, None, Result]:
 
 
 class Jobs:
-    """Work on the window's thread that goes on by a step at a time, each job in its turn."""
+    """Jobs on the window's thread, which run one step at a time in turn."""
 
     def __init__(self) -> None:
         """Begin without work."""
@@ -76,7 +76,7 @@ class Jobs:
 
 @dataclass(frozen=True, eq=False)
 class Failure(Generic[Request]):
-    """A request that could not be answered, and why."""
+    """A failed request and its exception."""
 
     request: Request
     error: Exception
@@ -111,13 +111,13 @@ class SolverThread(Generic[Request, Answer]):
 
     @property
     def busy(self) -> bool:
-        """True while an answer or a failure is still to come or to be fetched."""
+        """True while an answer or a failure is pending or not yet fetched."""
         with self._changed:
             there = self._answered is not None or bool(self._failures)
             return there or self._working or self._pending is not None
 
     def ask(self, request: Request) -> None:
-        """Hand over a request; it replaces one that has not been begun."""
+        """Send a request; it replaces one that has not been started."""
         with self._changed:
             self._pending = request
             self._changed.notify()
@@ -135,7 +135,7 @@ class SolverThread(Generic[Request, Answer]):
             return failures
 
     def close(self, seconds: float = 5.0) -> bool:
-        """End the thread after the answer under way; wait for that at most so long.
+        """End the thread after the current answer; wait for it at most `seconds`.
 
         Returns:
             True if the thread has ended.

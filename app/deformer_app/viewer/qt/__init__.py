@@ -1,1 +1,1 @@
-"""The window: the only place that knows Qt."""
+"""The Qt window; no other package imports Qt."""

@@ -22,7 +22,7 @@ class ComponentPanel(QScrollArea):
     """A slider for every component, the strongest first; its support shows on hover."""
 
     def __init__(self, editor: Editor) -> None:
-        """Begin empty; the strengths arrive a moment after the model."""
+        """Start empty; the components follow once they are measured."""
         super().__init__()
         self._editor = editor
         self._rows: dict[int, tuple[Slider, QLabel]] = {}
@@ -106,7 +106,7 @@ class ComponentPanel(QScrollArea):
         self._editor.commit(f"Reset {self._editor.model.label(k)}")
 
     def refresh(self) -> None:
-        """Show the present code."""
+        """Show the current code."""
         self._fill()
         code = self._editor.code
         for k, (slider, value) in self._rows.items():

@@ -1,4 +1,4 @@
-"""Dialogs that ask for files; each begins in the folder of the last one."""
+"""Dialogs that ask for files; each opens in the folder of the last one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class FileDialogs:
     """
 
     def __init__(self, parent: QWidget) -> None:
-        """Begin in the working directory."""
+        """Start in the working directory."""
         self._parent = parent
         self._folder = Path.cwd()
 

@@ -1,4 +1,4 @@
-"""The dock of the handles: a table, and numbers for what is selected."""
+"""The dock of the handles: a table, and numbers of the selected ones."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class HandlePanel(QWidget):
         self._editor.set_centre([box.value() for box in self.coordinates])
 
     def refresh(self) -> None:
-        """Show the present state."""
+        """Show the current state."""
         editor = self._editor
         handles = editor.edit.handles
         diagonal = editor.model.reference.bounding_diagonal

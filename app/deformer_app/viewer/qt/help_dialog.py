@@ -1,4 +1,4 @@
-"""The dialog with all keys and what the mouse does."""
+"""The dialog with all keys and the use of the mouse."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Menus and tool bar of the window, made of the table of actions."""
+"""Menus and tool bar of the window, built from the table of actions."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Menus:
         self.menus["View"].addSeparator()  # above the docks
 
     def refresh(self, shell: Shell) -> None:
-        """Show what can be done now, what is on, and what it is called."""
+        """Update which actions are enabled and checked, and their titles."""
         for action in ACTIONS:
             item = self.items[action.id]
             item.setEnabled(action.enabled(shell.editor))

@@ -1,4 +1,4 @@
-"""The dock of the model: where to start from, the prior, colours."""
+"""The dock of the model: start, prior and colours."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class ModelPanel(QWidget):
         self._start.addItems(list(start_codes(editor.model)))
 
     def refresh(self) -> None:
-        """Show the present state."""
+        """Show the current state."""
         editor = self._editor
         self.prior.show_position(geometric_position(editor.edit.noise / NOISE, *_STRENGTHS))
         self._body.setCurrentIndex(BODIES.index(editor.edit.body))

@@ -1,4 +1,4 @@
-"""Lines of text with buttons: upon the picture what the user must know, below it the tour."""
+"""Lines of text with buttons: messages over the picture, and the tour below it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Strip(QWidget):
         super().__init__()
         self._label = QLabel()
         self._label.setWordWrap(True)
-        # A subclass of QWidget paints its style sheet's background only if it is told to.
+        # A subclass of QWidget paints its style sheet's background only with this attribute.
         self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
         self.setStyleSheet(f"background: {NOTICE[kind]}; color: {NOTICE_INK};")
         self.row = QHBoxLayout(self)
@@ -42,11 +42,11 @@ class Strip(QWidget):
 
     @property
     def text(self) -> str:
-        """What the line says."""
+        """The text of the line."""
         return self._label.text()
 
     def say(self, text: str) -> None:
-        """Change what the line says."""
+        """Change the text of the line."""
         self._label.setText(text)
 
 
@@ -91,7 +91,7 @@ class Notices(QWidget):
         self.show_strip(self.mistake)
 
     def hide_mistake(self) -> None:
-        """Close what the user has been told."""
+        """Hide the message of a mistake."""
         self.show_strip(self.mistake, False)
 
     def show_strip(self, strip: Strip, shown: bool = True) -> None:

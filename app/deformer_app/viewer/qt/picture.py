@@ -21,12 +21,12 @@ class Picture(QtInteractor):
         super()._cb_frame(obj, evt)
 
     def resizeGL(self, w: int, h: int) -> None:
-        """Forget the frame: it has another size."""
+        """Discard the frame, which has another size."""
         self._drawn = False
         super().resizeGL(w, h)
 
     def paintGL(self) -> None:
-        """Show the frame; draw it if that has not been done."""
+        """Show the frame, drawing it first if necessary."""
         self._in_paint, self._drawn = self._drawn, False
         super().paintGL()
         self._in_paint = False

@@ -21,7 +21,7 @@ class Slider(QSlider):
     """
 
     def __init__(self, moved: Callable[[int], Any], ended: Callable[[], Any]) -> None:
-        """Begin at the lower end."""
+        """Start at the lower end."""
         super().__init__(Qt.Orientation.Horizontal)
         self._moved, self._ended = moved, ended
         self.setRange(0, STEPS)

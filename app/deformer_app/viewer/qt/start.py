@@ -24,7 +24,7 @@ _SIZE = (1360, 880)
 
 
 class _OpeningWindow(QWidget):
-    """What is on the screen until the editor is ready."""
+    """The window on the screen until the editor is ready."""
 
     def __init__(self) -> None:
         """Say what is going on."""
@@ -55,7 +55,7 @@ class _Importing(threading.Thread):
         self.error: BaseException | None = None
 
     def run(self) -> None:
-        """Import; a failure is kept for the thread of the window."""
+        """Import; store a failure for the thread of the window."""
         try:
             importlib.import_module("deformer_app.viewer.qt.window")
         except BaseException as error:
@@ -101,7 +101,7 @@ def run_editor(model: str, saved: Session | None, path: Path | None) -> Session 
 
     window = Window(Settings())
     window.show()
-    app.processEvents()  # draws the window before the other one goes
+    app.processEvents()  # draws the window before the other one closes
     opening_window.close()
     QTimer.singleShot(0, lambda: window.begin(model, saved, path))
     sys.excepthook = window.unexpected

@@ -1,4 +1,4 @@
-"""The tour: a line below the picture that goes on when the user has done what it says."""
+"""The tour: a line below the picture whose next step follows when the user has done this one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from deformer_app.viewer.editor import Editor
 from deformer_app.viewer.qt.notices import Strip
 
 _PAUSE = 900  # milliseconds between what the user does and the next step
-# What a step says, and the change by which it is done.
+# Text of each step, and the change that completes it.
 _STEPS: tuple[tuple[str, type[Change] | None], ...] = (
     (
         "Press the left button on a hand and pull it. The rest follows as in the examples.",
@@ -29,7 +29,7 @@ class Tour(Strip):
     """
 
     def __init__(self, editor: Editor) -> None:
-        """Begin with nothing to show."""
+        """Start hidden."""
         super().__init__("tour", ("Next", self.go_on), ("End tour", self.end))
         self._editor = editor
         self._step: int | None = None
@@ -45,7 +45,7 @@ class Tour(Strip):
         self._show(0)
 
     def go_on(self) -> None:
-        """Show the next step; after the last one, end."""
+        """Show the next step, or end after the last one."""
         step = -1 if self._step is None else self._step
         if step + 1 < len(_STEPS):
             self._show(step + 1)
@@ -53,7 +53,7 @@ class Tour(Strip):
             self.end()
 
     def end(self) -> None:
-        """Show nothing any more."""
+        """Hide the tour."""
         self._step = None
         self.hide()
 

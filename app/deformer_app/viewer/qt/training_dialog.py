@@ -1,4 +1,4 @@
-"""The dialog that trains a model on shapes, with progress and a way out."""
+"""The dialog that trains a model on shapes, with progress and a button to cancel."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ class TrainingDialog(QDialog):
 
     @property
     def stage(self) -> str:
-        """What the training is at; empty without one."""
+        """Stage of the training; empty without one."""
         progress = None if self._job is None else self._job.progress
         return "" if progress is None else progress.stage
 

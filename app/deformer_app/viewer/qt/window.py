@@ -48,9 +48,9 @@ from deformer_app.viewer.session import Session
 from deformer_app.viewer.settings import Settings
 from deformer_app.viewer.vtk_input import listen
 
-_TICK = 4  # milliseconds between two looks at the solver while something is going on
+_TICK = 4  # milliseconds between two ticks while the editor is busy
 _PANELS = 120  # milliseconds after a change until the docks show it
-_AUTOSAVE = 1500  # milliseconds after a step until it is written
+_AUTOSAVE = 1500  # milliseconds after a step until the autosave
 _PATIENCE = 700  # milliseconds of preparation after which the user is told
 _MOVIES = "Animations (*.gif *.mp4)"
 
@@ -164,7 +164,7 @@ class Window(QMainWindow):
     # Models and sessions.
 
     def begin(self, model: str, session: Session | None, file: Path | None) -> None:
-        """Open the first model; offer what a crash has left."""
+        """Open the first model; offer the autosave of a crash."""
         left = self.settings.left_by_crash()
         self.attempt(lambda: self._open(model, session, file))
         if left is not None and self._restore(left):
@@ -198,7 +198,7 @@ class Window(QMainWindow):
         self.settings.remember(str(file.resolve()) if file else self.editor.session.model.path)
 
     def attempt(self, run: Callable[[], Any]) -> bool:
-        """Run; a mistake becomes a message and False."""
+        """Run a function; on a mistake show its message and return False."""
         try:
             run()
         except (InputError, OSError) as error:
@@ -238,7 +238,7 @@ class Window(QMainWindow):
             item.triggered.connect(lambda _=False, n=name, f=opener: f(n))
 
     def save(self, elsewhere: bool) -> bool:
-        """Save the session; return False if the user has changed their mind."""
+        """Save the session; return False if the user cancels."""
         path = self._file
         if path is None or elsewhere:
             path = self.ask_save("Save session", "session.json", "Sessions (*.json)")
@@ -251,7 +251,7 @@ class Window(QMainWindow):
         return True
 
     def may_leave(self) -> bool:
-        """Ask, if something would be lost; return False if the user wants to stay."""
+        """Ask if there is unsaved work; return False if the user cancels."""
         if not self.editor.is_open or not self.editor.session.changed:
             return True
         buttons = QMessageBox.StandardButton
@@ -269,7 +269,7 @@ class Window(QMainWindow):
         if self.editor.is_open and self.editor.session.changed:
             self.attempt(lambda: self.editor.write_copy(self.settings.autosave))
 
-    # What actions ask for; see `actions.Shell`.
+    # Functions that actions call; see `actions.Shell`.
 
     def ask_open(self, title: str, files: str) -> Path | None:
         """Ask for a file to read."""
@@ -329,14 +329,14 @@ class Window(QMainWindow):
     # Events.
 
     def unexpected(self, kind: type[BaseException], error: BaseException, trace: Any) -> None:
-        """Tell of a fault of the program in the window, too, and go on: the session is whole."""
+        """Show an error of the program in the window, too, and continue: the session is intact."""
         sys.__excepthook__(kind, error, trace)
         self.notices.show_mistake(
             f"A fault of the program: {error!r}. Your session is kept; save it."
         )
 
     def escape(self) -> None:
-        """Give up the drag under way; else go back to dragging and close the message."""
+        """Cancel the current drag; without one, go back to dragging and close the message."""
         if not self.editor.controller.cancel():
             self.editor.state.set_tool("drag")
             self.notices.hide_mistake()
@@ -366,7 +366,7 @@ class Window(QMainWindow):
         self.notices.show_strip(self.notices.preparing, self.editor.preparing)
 
     def _awake(self) -> None:
-        if not self._timer.isActive():  # to start it anew with every answer would put it off
+        if not self._timer.isActive():  # restarting it with every answer would delay it
             self._timer.start()
 
     def _tick(self) -> None:
@@ -397,12 +397,12 @@ class Window(QMainWindow):
         self._hint.setText(editor.stage.hint)
 
     def close_unsaved(self) -> None:
-        """Close without a question, whatever would be lost."""
+        """Close without asking, even with unsaved work."""
         self._may_close = True
         self.close()
 
     def closeEvent(self, event: QCloseEvent) -> None:
-        """Ask if something would be lost, then let everything go."""
+        """Ask if there is unsaved work, then close threads and view."""
         if self._may_close or self.may_leave():
             self._may_close = True
             if self.training is not None:
