@@ -246,11 +246,11 @@ class FeatureExtractor:
             self._normal_weight,
             T,
         )
-        goal = self._laplacian @ p
+        Lp = self._laplacian @ p
         # A second time only if the solve was not exact: the Gram matrix may be nearly singular.
         for _ in range(2):
-            misfit = goal - self._rhs_matrix @ _columns(T)
-            if np.abs(misfit).max() <= _TOLERANCE * np.abs(goal).max():
+            misfit = Lp - self._rhs_matrix @ _columns(T)
+            if np.abs(misfit).max() <= _TOLERANCE * np.abs(Lp).max():
                 break
             T += _from_columns(self._rhs_matrix.T @ self._gram.solve(misfit))
         return T
@@ -277,8 +277,8 @@ class FeatureExtractor:
 
     def _compensate(self, q: FloatArray, T: FloatArray, vertices: np.ndarray) -> None:
         """Change the stretch in q around `vertices`, by least squares, until b(T) is that of T."""
-        # Two rings of neighbours change, too: b is to be met there, and the `vertices` alone have
-        # fewer unknowns than equations.
+        # Two rings of neighbours change, too: the stretches of `vertices` alone are fewer than the
+        # rows of b(T) that depend on them.
         changed = np.zeros(len(q), dtype=bool)
         changed[vertices] = True
         for _ in range(2):

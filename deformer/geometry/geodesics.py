@@ -86,10 +86,10 @@ class Geodesics:
                 vertex, best = int(self._used[start]), -1.0
                 for _ in range(8):
                     distance = self.row(vertex)
-                    reach = np.where(np.isfinite(distance), distance, -1.0)
-                    if reach.max() <= best:
+                    finite = np.where(np.isfinite(distance), distance, -1.0)
+                    if finite.max() <= best:
                         break
-                    best, vertex = float(reach.max()), int(reach.argmax())
+                    best, vertex = float(finite.max()), int(finite.argmax())
                 longest = max(longest, best)
             self._extent = longest
         return self._extent

@@ -116,7 +116,7 @@ def sted(truth: ArrayLike, estimate: ArrayLike, faces: ArrayLike) -> Sted:
         return means[first : first + len(steps) - window + 1]
 
     weight = mean(steps)
-    # Deviations do not depend on a constant: without δ's mean over all time less is cancelled.
+    # Deviations do not depend on δ's mean over all time; subtracting it first avoids cancellation.
     centred = changes - changes.mean(axis=0)
     mu = mean(steps * centred) / weight
     variance = mean(steps * centred**2) / weight - mu**2

@@ -87,7 +87,7 @@ def _dissect(indptr, indices, ranked, leaf, depth, nodes):
     # Pieces (start, stop, level, task) still to be cut: at most two a level.
     stack = np.empty((256, 4), dtype=np.int64)
     stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = 0, n, 0, -1
-    waiting, tasks, found = 1, 0, 0
+    waiting, tasks, node_count = 1, 0, 0
     while waiting > 0:
         waiting -= 1
         lo, hi = stack[waiting, 0], stack[waiting, 1]
@@ -120,8 +120,8 @@ def _dissect(indptr, indices, ranked, leaf, depth, nodes):
                 if task < 0:
                     task, tasks = tasks, tasks + 1
         if dense:
-            nodes[found, 0], nodes[found, 1], nodes[found, 2] = lo, hi, task
-            found += 1
+            nodes[node_count, 0], nodes[node_count, 1], nodes[node_count, 2] = lo, hi, task
+            node_count += 1
             for k in range(lo, hi):
                 side[ranked[chosen, k]] = 0
             continue
@@ -152,14 +152,14 @@ def _dissect(indptr, indices, ranked, leaf, depth, nodes):
         for k in range(lo, hi):
             side[ranked[chosen, k]] = 0
         if separator < hi:
-            nodes[found, 0], nodes[found, 1], nodes[found, 2] = separator, hi, task
-            found += 1
+            nodes[node_count, 0], nodes[node_count, 1], nodes[node_count, 2] = separator, hi, task
+            node_count += 1
         for half in range(2):
             stack[waiting, 0] = lo if half == 0 else second_start
             stack[waiting, 1] = second_start if half == 0 else separator
             stack[waiting, 2], stack[waiting, 3] = level + 1, task
             waiting += 1
-    return found
+    return node_count
 
 
 @njit(cache=True)

@@ -176,14 +176,14 @@ class Decoder:
         """
         x = np.clip((q - self.offset) / self.gain, -_SATURATED, _SATURATED)
         weights = self.gain * (1.0 - x * x)
-        goal = weights * (np.arctanh(x) - self.base)
+        target = weights * (np.arctanh(x) - self.base)
         K = self.components
         A, b = np.zeros((K, K)), np.zeros(K)
         for start in range(0, len(x), _ROWS):
             part = slice(start, start + _ROWS)
             M = (self.matrix[part] * weights[part, :, None]).reshape(-1, K)
             A += M.T @ M
-            b += M.T @ goal[part].ravel()
+            b += M.T @ target[part].ravel()
         # With the ridge, components without effect have the code 0.
         A += _RIDGE * max(np.trace(A) / K, 1e-30) * np.eye(K)
         return np.asarray(np.linalg.solve(A, b), dtype=np.float64)

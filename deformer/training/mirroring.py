@@ -105,11 +105,11 @@ def _residual(x: FloatArray, basis: FloatArray, own: IntArray) -> float:
         centred = G[np.ix_(k, k)]
         means, mean = centred.mean(axis=0), centred.mean()
         centred = centred - means - means[:, None] + mean
-        goal = g[n, k] - means - g[n, k].mean() + mean
+        cross = g[n, k] - means - g[n, k].mean() + mean
         length = squares[n] - 2.0 * g[n, k].mean() + mean
         ridge = _RIDGE * np.trace(centred) / len(k)
-        weights = np.linalg.solve(centred + max(ridge, 1e-12) * np.eye(len(k)), goal)
-        total += float(length - 2.0 * weights @ goal + weights @ centred @ weights)
+        weights = np.linalg.solve(centred + max(ridge, 1e-12) * np.eye(len(k)), cross)
+        total += float(length - 2.0 * weights @ cross + weights @ centred @ weights)
     return total
 
 

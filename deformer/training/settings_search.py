@@ -17,7 +17,7 @@ from deformer.training.training_set import TrainingSet
 HANDLE_NOISES = (0.0005, 0.001, 0.002, 0.004, 0.008)
 # Candidate values of λ₁, the sparsest components first.
 SPARSITIES = (2.0, 0.2, 0.02)
-# Most rounds of a trial's factorisation.
+# Greatest number of rounds of a trial's factorisation.
 _TRIAL_EPOCHS = 15
 # The logarithm of the error must fall by this much for less sparse components: with three held-out
 # shapes smaller gains are not significant.
@@ -91,7 +91,7 @@ class SettingsSearch:
             if number == 0:
                 pose = solver.solve()
             else:
-                # From the pose of the last noise on: faster, but sometimes another minimum.
+                # Starts from the pose of the last noise: faster, but sometimes another minimum.
                 solver.solve_to_convergence()
                 # The surface as a solve from the start gives it.
                 pose = solver.relax()
