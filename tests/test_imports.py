@@ -6,6 +6,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 # Packages that take long to import, each needed by a part of the program alone.
 HEAVY = {
     "torch", "numba", "scipy", "trimesh", "igl", "potpourri3d", "natsort", "typer", "rich",

@@ -60,6 +60,7 @@ def test_shell_blocks_run(walk):
     assert deformer.load_mesh("pose.ply").vertices.shape == exact.shape
 
 
+@pytest.mark.slow
 def test_python_blocks_run(walk, monkeypatch):
     quick = functools.partial(deformer.train, epochs=EPOCHS)
     monkeypatch.setattr(deformer, "train", quick)

@@ -125,6 +125,7 @@ def test_a_transferred_code_is_what_the_target_encodes(model):
     assert np.abs(again - shape).max() < 0.05 * model.reference.bounding_diagonal
 
 
+@pytest.mark.slow
 def test_mistakes_are_refused(model, synthesis):
     for weights, words in (
         ({6: 1.0}, "component 6 does not exist"),

@@ -333,6 +333,7 @@ def test_the_autoencoder_is_the_model():
     assert not np.array_equal(soft[HANDLES], targets)
 
 
+@pytest.mark.slow
 def test_the_autoencoder_trains():
     own = Autoencoder(epochs=2, device="cpu").fit(sequence(), 3)
     assert own.model.components == 3

@@ -14,8 +14,9 @@ from deformer.geometry.geodesics import Geodesics
 from deformer.geometry.sampling import farthest_points
 from shapes import icosphere, sequence, tube
 
-METHODS = [PCA, ClusteredPCA, SPLOCS, StructuredFactors]
-LOCAL = [ClusteredPCA, SPLOCS, StructuredFactors]
+FACTORS = pytest.param(StructuredFactors, marks=pytest.mark.slow)
+METHODS = [PCA, ClusteredPCA, SPLOCS, FACTORS]
+LOCAL = [ClusteredPCA, SPLOCS, FACTORS]
 
 
 def bumps(count=24, seed=0, scale=1.0):
@@ -82,7 +83,7 @@ def test_training_shapes_are_exact_when_there_are_components_enough(method):
     assert_allclose(method.decode(method.encode(shapes.vertices)), shapes.vertices, atol=1e-9)
 
 
-@pytest.mark.parametrize("Rival", [SPLOCS, StructuredFactors])
+@pytest.mark.parametrize("Rival", [SPLOCS, FACTORS])
 def test_local_movements_are_found_with_their_supports(Rival):
     shapes, fields, codes = bumps()
     method = Rival().fit(shapes, 3)
@@ -151,7 +152,7 @@ def test_handles_stay_sober_when_there_are_fewer_than_components():
     seen, unseen = shapes.subset(np.arange(0, 24, 2)), shapes.vertices[1::2]
     handles = farthest_points(Geodesics(shapes.mesh(0)), 2, 0)
     spread = e_rms(unseen, np.broadcast_to(seen.vertices.mean(0), unseen.shape), "none")
-    for Rival in METHODS:
+    for Rival in (PCA, ClusteredPCA, SPLOCS, StructuredFactors):
         method = Rival().fit(seen, 10)
         poses = np.array([method.fit_handles(handles, shape[handles]) for shape in unseen])
         assert e_rms(unseen, poses, "none") < 0.6 * spread, Rival.name

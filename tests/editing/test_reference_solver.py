@@ -18,7 +18,7 @@ from paths import ROOT
 from settings import QUICK_ADAM
 from shapes import awkward, sequence, small_model, tube, two_components
 
-pytestmark = pytest.mark.filterwarnings("error")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("error")]
 BOTH = pytest.mark.parametrize("layers", [(9,), (7, 5)], ids=["one layer", "two layers"])
 
 
@@ -168,7 +168,6 @@ def test_energy_by_formula(layers, seed):
     assert fast.stiffness(0.001 * x)[1] == 0
 
 
-@pytest.mark.slow
 @BOTH
 @pytest.mark.parametrize("rigid", [True, False])
 def test_the_solution_is_stationary(layers, rigid):
@@ -188,7 +187,7 @@ def test_the_solution_is_stationary(layers, rigid):
         assert abs(0.5 * h * (below - above) / curvature) < 1e-5
 
 
-SEEDS = [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 10))]
+SEEDS = range(10)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -196,7 +195,6 @@ def test_agrees_with_the_fast_solver(seed):
     agree(small_model(), seed, rigid=seed % 5 > 0)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 2, 3])
 def test_agrees_with_the_fast_solver_on_two_layers(seed):
     agree(trained((7, 5)), seed, rigid=True)
@@ -234,7 +232,6 @@ def test_cold_solves_leave_local_minima(seed):
     assert pose.energy == pytest.approx(solver.solve(warm=True).energy, rel=1e-9)
 
 
-@pytest.mark.slow
 def test_duplicates_are_one_handle():
     model = small_model()
     solver = ReferenceSolver(model)
@@ -249,7 +246,6 @@ def test_duplicates_are_one_handle():
     np.testing.assert_allclose(twice.residual, expected, atol=1e-12)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("mesh", [tube(), awkward(), two_components()], ids=["a", "b", "c"])
 def test_hard_handles_are_met(mesh):
     """By handle, on every kind of mesh; the others only nearly."""
@@ -264,7 +260,6 @@ def test_hard_handles_are_met(mesh):
         assert not pose.residual[1:4].any() and pose.residual[[0, 4]].min() > 1e-6
 
 
-@pytest.mark.slow
 @BOTH
 def test_rounds_descend_to_a_stationary_pose(layers):
     model = trained(layers)
@@ -272,7 +267,6 @@ def test_rounds_descend_to_a_stationary_pose(layers):
     descends(model, vertices[:3], targets[:3])
 
 
-@pytest.mark.slow
 def test_rounds_do_not_mirror():
     """Handles that ask for the mirror image get rotations all the same."""
     vertices = np.arange(40, 80, 3)
@@ -291,7 +285,6 @@ def descends(model, vertices, targets):
     np.testing.assert_allclose(poses[3].vertices, poses[2].vertices, atol=1e-4)
 
 
-@pytest.mark.slow
 def test_no_rounds_are_the_schur_complement():
     """Of all poses with the handles met, the nearest to the decoded one as a plate bends."""
     model = small_model()
@@ -309,7 +302,6 @@ def test_no_rounds_are_the_schur_complement():
     assert np.abs(force[vertices]).max() > 1e-3
 
 
-@pytest.mark.slow
 def test_warm_solves_go_on_with_the_rotations():
     """The first repeats the cold solve's last global step; each later one adds a round."""
     model = small_model()
@@ -337,7 +329,6 @@ def test_warm_solves_follow_a_drag():
     assert distance(warm.vertices, cold.vertices) < 1e-4 * model.reference.bounding_diagonal
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_agrees_with_the_fast_solver_on_hard_handles(seed):
     """With rigid relaxation, which both take in as many rounds."""
@@ -353,7 +344,6 @@ def test_agrees_with_the_fast_solver_on_hard_handles(seed):
     assert apart < 1e-3 * model.reference.bounding_diagonal
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_agrees_with_the_fast_solver_after_a_drag(seed):
     """Three frames after the mouse has stopped."""

@@ -350,6 +350,7 @@ def test_a_motion_of_a_whole_turn_is_followed(model, diagonal, truth):
     assert np.linalg.norm(fit.rotation[-1]) > 5.5
 
 
+@pytest.mark.slow
 def test_a_model_of_two_layers(truth, diagonal):
     model = deep_model()
     goal = decoded(model, 10)

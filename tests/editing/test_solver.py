@@ -332,6 +332,7 @@ def test_a_warm_solve_of_other_handles_ends_where_a_cold_one_does(model, diagona
     assert largest(warm.vertices - cold.vertices) < 0.02 * diagonal
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hard", [False, True])
 def test_a_mesh_of_more_vertices_than_are_searched(hard):
     """The search may look at a part of the vertices; what it finds must hold for all."""

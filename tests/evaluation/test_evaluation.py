@@ -470,6 +470,7 @@ def test_mistakes_are_refused_before_anything_runs(source):
             Study(**({"source": source, "methods": ("arap",)} | options))
 
 
+@pytest.mark.slow
 def test_a_trained_model_is_measured_as_it_is(tmp_path, source):
     split = random_split(24, 0)
     model = deformer.train(

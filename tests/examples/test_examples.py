@@ -6,7 +6,7 @@ from PIL import Image
 from paths import ROOT
 
 EXAMPLES = ROOT / "examples"
-pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("error::RuntimeWarning")]
 
 
 @pytest.fixture

@@ -14,6 +14,8 @@ from flag.quality import (
 )
 from flag.wind import still_air, turbulent_wind
 
+pytestmark = pytest.mark.slow
+
 COLUMNS, ROWS, SPACING = 19, 13, 0.08
 
 

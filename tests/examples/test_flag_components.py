@@ -25,6 +25,8 @@ import deformer
 from deformer import MeshSequence
 from deformer.baselines.edges import EdgeSplocs
 
+pytestmark = pytest.mark.slow
+
 COLUMNS, ROWS = 13, 9
 
 

@@ -180,6 +180,7 @@ print(json.dumps({"V": len(mesh.vertices), "growth": peak() - before}))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="resource is not there")
 def test_memory_does_not_grow_with_the_square_of_the_vertices():
     """40,000 vertices: V × V floats would be 12.8 GB, V × 20 are 6 MB; peak growth < 0.6 GB."""

@@ -229,6 +229,7 @@ def test_training_codes_are_the_encoded_shapes_and_prior_their_statistics():
     assert np.linalg.eigvalsh(model.latent_covariance)[0] > 0
 
 
+@pytest.mark.slow
 def test_encoding_goes_through_scaled_features():
     """By the network where the configuration says so."""
     model, shapes = by_gradients(), sequence().vertices

@@ -91,6 +91,7 @@ def test_a_sparsity_that_is_given_is_kept():
     assert model.config.training.sparsity == 1.5
 
 
+@pytest.mark.slow
 def test_many_clean_examples_of_few_motions_ask_for_less_sparsity():
     """And are recovered better with it than with the sparsity for a few dozen bodies."""
     base = tube(8, 15)
@@ -115,6 +116,7 @@ def test_many_clean_examples_of_few_motions_ask_for_less_sparsity():
     assert missed[0] < 0.8 * missed[1]
 
 
+@pytest.mark.slow
 def test_progress_counts_all_that_trials_do():
     seen = []
     train(sequence(12), config=QUICK, device="cpu", on_progress=seen.append)

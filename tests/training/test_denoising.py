@@ -97,6 +97,7 @@ def test_vertices_of_no_face_stay():
     assert off(noisy.vertices, clean[:, :-1]) > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reference", [0, 3, 11])
 def test_training_learns_from_clean_shapes(reference):
     """Also where the undeformed shape, here the last, is not trained on."""

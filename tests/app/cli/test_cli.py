@@ -205,6 +205,7 @@ def test_train_takes_a_split(run_json, run, shapes_path, tmp_path):
     assert model.split == split and model.components == 3
 
 
+@pytest.mark.slow
 def test_train_reports_progress_on_stderr_only(run, shapes_path, tmp_path):
     arguments = ["--components", 2, "--epochs", 3, "--json"]
     status, out, err = run("train", shapes_path, "-o", tmp_path / "model", *arguments)

@@ -63,6 +63,7 @@ def test_the_wrist_swings_about_the_shoulder_and_the_head_goes_down():
     assert head[-1] == pytest.approx([*head[0][:1], 2 - 2 * demo.CROUCH, head[0][2]], abs=1e-3)
 
 
+@pytest.mark.slow
 def test_what_is_told_agrees_with_the_surfaces(tmp_path):
     model = deformer.train(bending_bar(), components=4, epochs=4)
     drag = demo.record(model.reference)

@@ -17,6 +17,8 @@ from deformer_app.cli import main as cli
 from deformer_app.report import curves, paper as paper_sections, report
 from deformer_app.report.parts import grid, number
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
@@ -84,7 +86,6 @@ def test_the_report_needs_nothing_else(evaluated):
         assert words in page
 
 
-@pytest.mark.slow
 def test_a_model_is_measured_on_its_own_split(run, folder):
     split = {"train": list(range(0, 24, 2)), "test": [1, 5, 9]}
     (folder / "split.json").write_text(json.dumps(split))
@@ -138,7 +139,6 @@ def test_a_mistake_is_one_line(run, arguments, message):
     assert message in err
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("processes", [1, 2])
 def test_an_interrupted_run_says_how_to_go_on(run, folder, monkeypatch, processes):
     calls = []

@@ -23,6 +23,7 @@ def test_help_has_an_example(run, command):
     assert status == 0 and f"deformer {command}" in out and "--json" in out
 
 
+@pytest.mark.slow
 def test_components_writes_what_it_says(run_json, run, model_path, tmp_path):
     folder = tmp_path / "components"
     deformer.save_names(model_path, {1: "nod"})
@@ -89,6 +90,7 @@ def test_onto_another_model(run_json, model_path, tmp_path):
     np.testing.assert_allclose(deformer.load_mesh(out).vertices, expected, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_sweeps_make_sheet_animation_and_sequence(run_json, model_path, tmp_path):
     folder = tmp_path / "sweeps"
     result = run_json(
@@ -112,6 +114,7 @@ def test_random_shapes_are_near_the_examples(run_json, model_path, tmp_path):
     np.testing.assert_allclose(shapes, small_model().decode(np.array(result["codes"])), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_interpolation_of_three_ways(run_json, model_path, tmp_path):
     mesh = tmp_path / "key.ply"
     deformer.save_mesh(mesh, sequence().mesh(3))
