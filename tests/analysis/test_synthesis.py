@@ -101,7 +101,8 @@ def test_draws_are_within_the_bound_and_of_the_prior(model):
     # Those that were near enough stay as drawn; the bound 0 leaves examples.
     near = [familiarity.distance(z) <= 1 for z in free[:50]]
     assert any(near) and not all(near)
-    np.testing.assert_array_equal(draw_codes(model, 50, seed=3)[near], free[:50][near])
+    # Products of other sizes round differently.
+    np.testing.assert_allclose(draw_codes(model, 50, seed=3)[near], free[:50][near], atol=1e-12)
     at_examples = draw_codes(model, 5, bound=0.0)
     assert all((np.abs(model.codes - z).max(axis=1) < 1e-9).any() for z in at_examples)
 

@@ -102,7 +102,7 @@ def test_local_movements_are_found_with_their_supports(Rival):
 def test_components_of_a_whole_movement_are_local_but_not_those_of_pca(Rival):
     shapes = sequence(20, rings=31)
     support = [m.fit(shapes, 4).basis.components.any(2).mean() for m in (PCA(), Rival())]
-    assert support[0] == 1.0
+    assert support[0] > 0.99  # rounding may leave a coordinate that is zero
     assert support[1] < 0.8
 
 
