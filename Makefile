@@ -25,12 +25,12 @@ test-quick: .venv/test.stamp
 test-oldest: .venv-oldest/test.stamp
 	$(CALM) NUMBA_CACHE_DIR=$(CURDIR)/.venv-oldest/kernels .venv-oldest/bin/pytest -n $(WORKERS)
 
-# Kernels compiled for older processors, which round differently, and one core in place of all.
+# Kernels, BLAS and torch of older processors, which round differently; one core in place of all.
 test-processors: .venv/test.stamp
-	for cpu in generic haswell; do \
-	  $(CALM) NUMBA_CPU_NAME=$$cpu NUMBA_CACHE_DIR=$(CURDIR)/.venv/kernels-$$cpu \
-	    $(BIN)/pytest -n $(WORKERS) $(QUICK) || exit 1; \
-	done
+	NUMBA_CPU_NAME=haswell OPENBLAS_CORETYPE=Haswell ATEN_CPU_CAPABILITY=avx2 \
+	  NUMBA_CACHE_DIR=$(CURDIR)/.venv/kernels-haswell $(CALM) $(BIN)/pytest -n $(WORKERS) $(QUICK)
+	NUMBA_CPU_NAME=generic OPENBLAS_CORETYPE=Nehalem ATEN_CPU_CAPABILITY=default \
+	  NUMBA_CACHE_DIR=$(CURDIR)/.venv/kernels-generic $(CALM) $(BIN)/pytest -n $(WORKERS) $(QUICK)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 taskset -c 0 $(BIN)/pytest $(QUICK)
 
 lint: .venv/test.stamp
