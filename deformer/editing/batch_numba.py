@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from deformer.editing.green_functions import HandleBasis
 from deformer.geometry import FloatArray
-from deformer.linalg import in_parallel, split
+from deformer.linalg import over_parts
 
 # Steps of the local rotation fits: in the first round and in later ones.
 FIRST_TURNS = 8
@@ -68,34 +68,34 @@ class NumbaFrames:
         """Handle positions (m, H, 3) by landmarks, relative to the shape's centroid."""
         out = np.empty((len(z), self._count, 3))
 
-        def some(part: range) -> None:
+        def evaluate(part: range) -> None:
             for m in part:
                 out[m] = self._handles.at(z[m]).positions
 
-        list(in_parallel(some, split(len(z))))
+        over_parts(evaluate, len(z))
         return out
 
     def jacobians(self, z: FloatArray) -> FloatArray:
         """Their derivatives (m, H, 3, K)."""
         out = np.empty((len(z), self._count, 3, z.shape[1]))
 
-        def some(part: range) -> None:
+        def differentiate(part: range) -> None:
             for m in part:
                 out[m] = self._handles.at(z[m]).derivative()
 
-        list(in_parallel(some, split(len(z))))
+        over_parts(differentiate, len(z))
         return out
 
     def by_all(self, z: FloatArray) -> FloatArray:
         """Handle positions (m, H, 3) by all vertices."""
         out = np.empty((len(z), self._count, 3))
 
-        def some(part: range) -> None:
+        def decode(part: range) -> None:
             surface = self._basis.surface.copy()
             for m in part:
                 out[m] = surface.decode(z[m])
 
-        list(in_parallel(some, split(len(z))))
+        over_parts(decode, len(z))
         return out
 
     def shapes(
@@ -111,7 +111,7 @@ class NumbaFrames:
         """Shapes of codes, moved, with the held handles at their goals."""
         vertices, basis = self._basis.vertices, self._basis
 
-        def some(part: range) -> None:
+        def rebuild(part: range) -> None:
             surface = basis.surface.copy()
             surface.set_handles_by_block(np.empty(0, dtype=np.int64), [])
             for m in part:
@@ -128,4 +128,4 @@ class NumbaFrames:
                 out[m] = surface.positions(Q[m], origin[m])
                 out[m, vertices[held[m]]] = goals[m, held[m]]
 
-        list(in_parallel(some, split(len(z))))
+        over_parts(rebuild, len(z))

@@ -16,7 +16,7 @@ from deformer.editing.batch_numba import Boolean, Frames
 from deformer.editing.energy import HandleEnergy
 from deformer.editing.unknowns import Unknowns
 from deformer.geometry import FloatArray, IntArray, log_to_rotation, right_jacobian
-from deformer.linalg import Damping, descend, in_parallel, split
+from deformer.linalg import Damping, descend, over_parts
 
 # Every so many frames one is solved on its own, as a start for those around it.
 _KEY = 12
@@ -175,13 +175,13 @@ class SequenceEnergy:
         n, first = self.active, window.frames.start
         A, gradient = np.empty((len(X), n, n)), np.empty((len(X), n))
 
-        def some(part: range) -> None:
+        def assemble(part: range) -> None:
             for start in range(part.start, part.stop, _CACHED):
                 at = slice(start, min(start + _CACHED, part.stop))
                 frames = slice(first + at.start, first + at.stop)
                 A[at], gradient[at] = self._own_equations(frames, X[at], P[at], dP[at])
 
-        list(in_parallel(some, split(len(X))))
+        over_parts(assemble, len(X))
         gradient += self.stiffness * window.roughness.half_gradient(window.before, X[:, :n])
         return A, gradient
 

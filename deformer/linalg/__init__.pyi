@@ -17,11 +17,11 @@ from .threads import (
     CORES as CORES,
     in_parallel as in_parallel,
     one_blas_thread as one_blas_thread,
+    over_parts as over_parts,
     over_ranges as over_ranges,
     ranges as ranges,
     run_calls as run_calls,
     scratch as scratch,
-    split as split,
     start_calls as start_calls,
     wait_for as wait_for,
 )

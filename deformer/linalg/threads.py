@@ -150,6 +150,17 @@ def split(count: int) -> list[range]:
     return [range(a, b) for a, b in pairwise(bounds)]
 
 
+def over_parts(function: Callable[[range], None], count: int) -> None:
+    """Call function(part) in parallel on the ranges of `split(count)`, and wait for all.
+
+    Args:
+        function: called as `in_parallel` calls its own; the parts must not depend on each other.
+        count: length of what the parts cover.
+    """
+    for _ in in_parallel(function, split(count)):
+        pass
+
+
 def run_calls(kernel: Callable[..., None], calls: Sequence[tuple]) -> None:
     """Call kernel(*arguments) for all `calls` in parallel, and wait for them.
 

@@ -5,10 +5,11 @@ import subprocess
 import sys
 import threading
 
+import numpy as np
 import pytest
 
 from deformer.linalg import threads
-from deformer.linalg.threads import in_parallel, over_ranges, ranges, split
+from deformer.linalg.threads import in_parallel, over_parts, over_ranges, ranges, split
 
 
 @pytest.fixture
@@ -69,3 +70,21 @@ def test_what_is_raised_is_raised_to_the_caller(cores):
 
     with pytest.raises(ValueError, match="three"):
         list(in_parallel(work, range(6)))
+
+
+def test_every_part_is_done_when_over_parts_returns():
+    done = np.zeros(1000, dtype=int)
+
+    def count(part):
+        done[part.start : part.stop] += 1
+
+    over_parts(count, len(done))
+    assert (done == 1).all()
+
+
+def test_over_parts_raises_what_a_part_raises():
+    def fail(part):
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        over_parts(fail, 5)
