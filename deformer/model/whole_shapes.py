@@ -20,25 +20,26 @@ _GAIN = 1e-5
 
 def encode_shapes(model: DeformationModel, vertices: ArrayLike) -> FloatArray:
     """Codes of `vertices` by the encoder of `model`; see `DeformationModel.encode`."""
-    shapes, single = _checked(model, vertices)
-    if model.config.align:
-        shapes = align(shapes, model.reference.vertices)
-    codes = model.encoder.encode(extract_all(model.extractor, shapes))
+    shapes, single = _prepared(model, vertices)
+    codes = _encode(model, shapes)
     return codes[0] if single else codes
 
 
 def fit_shapes(model: DeformationModel, vertices: ArrayLike, iterations: int) -> FloatArray:
     """Codes of `model` that fit `vertices` in at most `iterations`; see `DeformationModel.fit`."""
-    shapes, single = _checked(model, vertices)
-    if model.config.align:
-        shapes = align(shapes, model.reference.vertices)
+    shapes, single = _prepared(model, vertices)
     codes = np.stack(
         [
             _fit_shape(model, shape, z, iterations)
-            for shape, z in zip(shapes, encode_shapes(model, shapes), strict=True)
+            for shape, z in zip(shapes, _encode(model, shapes), strict=True)
         ]
     )
     return codes[0] if single else codes
+
+
+def _encode(model: DeformationModel, shapes: FloatArray) -> FloatArray:
+    """Codes (N, K) of prepared shapes (N, V, 3) by the encoder of `model`."""
+    return model.encoder.encode(extract_all(model.extractor, shapes))
 
 
 def _fit_shape(
@@ -99,7 +100,8 @@ def tangents(model: DeformationModel, z: FloatArray) -> FloatArray:
     return np.concatenate(rows)
 
 
-def _checked(model: DeformationModel, vertices: ArrayLike) -> tuple[FloatArray, bool]:
+def _prepared(model: DeformationModel, vertices: ArrayLike) -> tuple[FloatArray, bool]:
+    """Shapes (N, V, 3), checked and aligned as `model` wants them; True if only one was given."""
     shapes = np.asarray(vertices, dtype=np.float64)
     single = shapes.ndim == 2
     if single:
@@ -112,4 +114,6 @@ def _checked(model: DeformationModel, vertices: ArrayLike) -> tuple[FloatArray, 
         )
     if not np.isfinite(shapes).all():
         raise InputError("vertices: not all positions are finite; repair the shape")
+    if model.config.align:
+        shapes = align(shapes, model.reference.vertices)
     return shapes, single
