@@ -129,19 +129,10 @@ class Connection:
         factor = SparseCholesky(A.tocsr(), np.repeat(centres, 3, axis=0))
         X = self._reference_frames().transpose(0, 2, 1).reshape(-1, 3)
         for _ in range(_ROUNDS):
-            X = self._orthonormal(factor.solve(X).reshape(F, 3, 3)).reshape(-1, 3)
+            X = orthonormal_on_average(factor.solve(X).reshape(F, 3, 3), self._labels).reshape(
+                -1, 3
+            )
         return closest_rotations(X.reshape(F, 3, 3).transpose(0, 2, 1))
-
-    def _orthonormal(self, X: FloatArray) -> FloatArray:
-        """Blocks X_f (F, 3, 3) times one matrix a component, so that the mean of XᵀX is I."""
-        for label in range(self._labels.max() + 1):
-            own = self._labels == label
-            values, vectors = np.linalg.eigh(np.einsum("fab,fac->bc", X[own], X[own]) / own.sum())
-            X[own] = X[own] @ ((vectors / np.sqrt(np.maximum(values, 1e-300))) @ vectors.T)
-            # The sign of eigenvectors is arbitrary.
-            if np.linalg.det(X[own]).sum() < 0:
-                X[own] *= -1.0
-        return X
 
     def _reference_frames(self) -> FloatArray:
         """Frames (F, 3, 3) of the reference's triangles."""
@@ -151,6 +142,25 @@ class Connection:
         z = np.cross(x, v[:, 2] - v[:, 0])
         z /= np.maximum(np.linalg.norm(z, axis=1, keepdims=True), np.finfo(float).tiny)
         return np.stack([x, np.cross(z, x), z], axis=-1)
+
+
+def orthonormal_on_average(X: FloatArray, labels: IntArray) -> FloatArray:
+    """Blocks times one matrix a component, so that the component's mean of XᵀX is I.
+
+    The matrix turns a component's blocks to positive determinants in sum. X is overwritten.
+
+    Args:
+        X: (F, 3, 3) blocks, one a triangle.
+        labels: (F,) int64 index of the connected component of each triangle.
+    """
+    for label in range(labels.max() + 1):
+        own = labels == label
+        values, vectors = np.linalg.eigh(np.einsum("fab,fac->bc", X[own], X[own]) / own.sum())
+        X[own] = X[own] @ ((vectors / np.sqrt(np.maximum(values, 1e-300))) @ vectors.T)
+        # The sign of eigenvectors is arbitrary.
+        if np.linalg.det(X[own]).sum() < 0:
+            X[own] *= -1.0
+    return X
 
 
 def _about_x(angle: FloatArray) -> FloatArray:

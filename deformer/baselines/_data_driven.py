@@ -103,7 +103,9 @@ class DataDrivenDeformation:
         # Stiffness of the surface against moving the handles.
         stiffness = inverse[:-1, :-1]
         goals = targets - self.space.poisson.centroid
-        control = _Control(self, vertices, G, stiffness, goals, 1.0 / (noise**2 * self.size))
+        control = HandleConstraints(
+            self, vertices, G, stiffness, goals, 1.0 / (noise**2 * self.size)
+        )
         d = goals - self._shapes[:, vertices]
         energy = 2.0 * np.einsum("nha,hg,nga->n", d, stiffness, d) + self._misfits
         white = np.linalg.solve(self.factor, (self._starts - self.prior.mean).T).T
@@ -112,7 +114,7 @@ class DataDrivenDeformation:
         order = [0, *(1 + np.argsort(energy[1:], kind="stable")[:_STARTS])]
         found = []
         for n in order:
-            start = _Fit(control, np.concatenate([y[n], np.zeros(3)]))
+            start = FitIterate(control, np.concatenate([y[n], np.zeros(3)]))
             found.append(descend(start, steps=_FIRST_STEPS, relative_gain=_TOLERANCE).point)
         best = min(found, key=lambda point: point.energy)
         best = descend(best, steps=_STEPS, relative_gain=_TOLERANCE).point
@@ -125,7 +127,7 @@ class DataDrivenDeformation:
 
 
 @dataclass(frozen=True, eq=False)
-class _Control:
+class HandleConstraints:
     """Handles, targets and constants of one fit."""
 
     deformation: DataDrivenDeformation
@@ -137,10 +139,23 @@ class _Control:
 
 
 @dataclass(eq=False)
-class _Fit:
-    """A point of the descent: unknowns x = (y, ω) with w = μ + L y; positions are eliminated."""
+class FitIterate:
+    """One iterate of a handle fit: unknowns x = (y, ω) with w = μ + L y, positions eliminated.
 
-    control: _Control
+    Args:
+        control: handles, targets and constants of the fit.
+        x: (K+3,) whitened weights y, then the rotation vector ω in radians.
+
+    Attributes:
+        w: (K,) weights.
+        p: (V, 3) centred vertices closest to the gradients of w, handles free.
+        turned: (H, 3) targets in the frame of the model.
+        distances: (H, 3) from handles of p to `turned`.
+        ridge: (K+3,) diagonal of the prior's precision in x.
+        energy: value of the energy of `DataDrivenDeformation`.
+    """
+
+    control: HandleConstraints
     x: FloatArray
 
     def __post_init__(self) -> None:
@@ -191,5 +206,5 @@ class _Fit:
         H, g = self._normal
         return damped_step(H, g, damping)
 
-    def moved(self, step: FloatArray) -> _Fit:
-        return _Fit(self.control, self.x + step)
+    def moved(self, step: FloatArray) -> FitIterate:
+        return FitIterate(self.control, self.x + step)

@@ -123,10 +123,11 @@ class _Closest:
         self._normal: tuple[FloatArray, FloatArray, FloatArray] | None = None
 
     def step(self, damping: float) -> FloatArray:
-        _, H, gradient = self._system()
+        _, H, gradient = self.normal_equations()
         return damped_step(H, gradient, damping)
 
-    def _system(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def normal_equations(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Jacobian (K, 3V) of the shape, Gauss–Newton matrix (K, K) and half the gradient (K,)."""
         if self._normal is None:
             J = self.space.tangents(self.p).reshape(len(self.w), -1)
             gradient = J @ self.residual.ravel() + self.precision @ (self.w - self.mean)
@@ -135,7 +136,7 @@ class _Closest:
 
     def moved(self, step: FloatArray) -> _Closest:
         w = self.w + step
-        guess = self.p + (step @ self._system()[0]).reshape(-1, 3)
+        guess = self.p + (step @ self.normal_equations()[0]).reshape(-1, 3)
         p = self.space.shell.closest(self.space.features(w), guess, _INNER_STEPS, _TOLERANCE)
         return _Closest(
             self.space, self.target, self.precision, self.mean, w, rigidly_aligned(p, self.target)
@@ -197,15 +198,27 @@ class EdgeDeformation:
         for n in np.argsort(energy, kind="stable")[:_STARTS]:
             p = moved[n]
             p[vertices] = targets
-            start = _Fit(self, np.flatnonzero(~fixed), weight, p, self.white[n])
+            start = FitIterate(self, np.flatnonzero(~fixed), weight, p, self.white[n])
             found.append(_descend_handle_fit(start, _FIRST_STEPS))
         best = min(found, key=lambda point: point.energy)
         return _descend_handle_fit(best, _HANDLE_STEPS).p
 
 
 @dataclass(eq=False)
-class _Fit:
-    """A point of the descent: positions p and whitened weights y, and their energy."""
+class FitIterate:
+    """One iterate of a handle fit: positions p and whitened weights y, and their energy.
+
+    Args:
+        deformation: components, prior and training shapes.
+        free: (n,) int64 indices into the 3V coordinates, of those that are not handles'.
+        weight: 1 / (σ² E) of the energy of `EdgeDeformation`.
+        p: (V, 3) positions.
+        y: (K,) whitened weights, w = μ + L y.
+
+    Attributes:
+        residual: (2E,) features of p minus features of w.
+        energy: value of the energy of `EdgeDeformation`.
+    """
 
     deformation: EdgeDeformation
     free: IntArray
@@ -223,7 +236,7 @@ class _Fit:
 
     def step(self, damping: float) -> FloatArray:
         """Damped step of the free coordinates, then of y, as one vector."""
-        H, B, rhs_p, rhs_y = self._system()
+        H, B, rhs_p, rhs_y = self.normal_equations()
         slopes = self.deformation.slopes
         damped = H + sparse.diags_array(damping * H.diagonal())
         # H x + B y = rhs_p, Bᵀ x + D y = rhs_y: x is eliminated.
@@ -235,7 +248,14 @@ class _Fit:
         step = np.concatenate([solved[:, -1] - solved[:, :-1] @ y, y])
         return np.asarray(step, dtype=np.float64)
 
-    def _system(self) -> tuple[sparse.csr_array, FloatArray, FloatArray, FloatArray]:
+    def normal_equations(self) -> tuple[sparse.csr_array, FloatArray, FloatArray, FloatArray]:
+        """Gauss–Newton equations H x + B y = rhs_p, Bᵀ x + D y = rhs_y of a step (x, y).
+
+        Everything is divided by `weight`; D = slopes slopesᵀ + 1 / weight does not depend on p.
+
+        Returns:
+            H (n, n), B (n, K), and half the negative gradients rhs_p (n,) and rhs_y (K,).
+        """
         if self._normal is None:
             slopes = self.deformation.slopes
             J, H = self.deformation.space.shell.normal_matrix(self.p)
@@ -245,14 +265,14 @@ class _Fit:
             self._normal = H[self.free][:, self.free], -(J.T @ slopes.T), rhs_p, rhs_y
         return self._normal
 
-    def moved(self, step: FloatArray) -> _Fit:
+    def moved(self, step: FloatArray) -> FitIterate:
         p = self.p.copy()
         p.reshape(-1)[self.free] += step[: len(self.free)]
         y = self.y + step[len(self.free) :]
-        return _Fit(self.deformation, self.free, self.weight, p, y)
+        return FitIterate(self.deformation, self.free, self.weight, p, y)
 
 
-def _descend_handle_fit(start: _Fit, steps: int) -> _Fit:
+def _descend_handle_fit(start: FitIterate, steps: int) -> FitIterate:
     """The last point of a descent; each of its steps costs a factorisation."""
     found = descend(
         start,

@@ -67,7 +67,7 @@ class GradientMethod(ABC):
         return self._deformation
 
     @abstractmethod
-    def _extract(self, vertices: FloatArray) -> FloatArray:
+    def extract(self, vertices: FloatArray) -> FloatArray:
         """Features (N, V, 9) of shapes (N, V, 3)."""
 
     def encode(self, vertices: ArrayLike) -> FloatArray:
@@ -77,7 +77,7 @@ class GradientMethod(ABC):
             InputError: nothing is learned yet, or the shapes are not finite or of another size.
         """
         space = self.learned().space
-        return space.project(self._extract(checked_shapes(vertices, len(space.base))))
+        return space.project(self.extract(checked_shapes(vertices, len(space.base))))
 
     def fit_codes(self, vertices: ArrayLike) -> FloatArray:
         """Codes (N, K) whose vertices come closest to shapes (N, V, 3), centroids aligned."""
@@ -135,7 +135,7 @@ class GradientSplocsMethod(GradientMethod):
         reference = shapes.mesh(0)
         self._extractor = FeatureExtractor(reference)
         poisson, geodesics = PoissonSystem(reference), Geodesics(reference)
-        q = self._extract(shapes.vertices)
+        q = self.extract(shapes.vertices)
 
         def fit_deformation(q: FloatArray, settings: LocalisedSettings) -> DataDrivenDeformation:
             gain, base = FeatureScaler.fit(q).gain, q.mean(axis=0)

@@ -22,5 +22,6 @@ class AcapSplocs(GradientSplocsMethod):
     name: ClassVar[str] = "SPLOCS ACAP"
     space: ClassVar[Space] = "acap"
 
-    def _extract(self, vertices: FloatArray) -> FloatArray:
+    def extract(self, vertices: FloatArray) -> FloatArray:
+        """Features (N, V, 9) of shapes (N, V, 3), with consistent rotation vectors."""
         return extract_all(self._learned_extractor(), vertices)

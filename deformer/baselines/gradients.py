@@ -29,7 +29,8 @@ class GradientSplocs(GradientSplocsMethod):
     name: ClassVar[str] = "SPLOCS gradients"
     space: ClassVar[Space] = "gradients"
 
-    def _extract(self, vertices: FloatArray) -> FloatArray:
+    def extract(self, vertices: FloatArray) -> FloatArray:
+        """Features (N, V, 9) of shapes (N, V, 3), with principal rotation vectors."""
         extractor = self._learned_extractor()
         q = np.empty((*vertices.shape[:2], 9))
         for n, shape in enumerate(vertices):

@@ -75,7 +75,7 @@ class LinearComponents(GradientMethod):
         if not np.array_equal(model.reference.faces, shapes.faces):
             raise InputError("shapes: not of the connectivity that the given model was trained on")
         self._model = model
-        q = self._extract(shapes.vertices)
+        q = self.extract(shapes.vertices)
         acts = Activations(model)
         changes = np.stack([acts.change(k) for k in range(components)])
         space = GradientSpace(model.poisson, acts.base, changes, model.scaler.gain)
@@ -89,7 +89,8 @@ class LinearComponents(GradientMethod):
         self._set_deformation(DataDrivenDeformation(space, fit_prior(codes), codes), noise)
         return self
 
-    def _extract(self, vertices: FloatArray) -> FloatArray:
+    def extract(self, vertices: FloatArray) -> FloatArray:
+        """Features (N, V, 9) of shapes (N, V, 3), as the model extracts them."""
         if self._model is None:
             raise InputError("LinearComponents has learned nothing yet; call fit first")
         return extract_all(self._model.extractor, vertices)

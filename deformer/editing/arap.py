@@ -174,6 +174,11 @@ class DecodedSurface:
         return green[self._factor.order].astype(np.float32)
 
     @property
+    def gradients(self) -> NDArray:
+        """Deformation gradients T (V, 3, 3) float32 of the last decoded code, in user order."""
+        return self._T.reshape(-1, 3, 3)[self._factor.inverse_order]
+
+    @property
     def inverse_order(self) -> IntArray:
         """Index of each vertex (V,) in the order of elimination."""
         return self._factor.inverse_order

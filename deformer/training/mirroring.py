@@ -87,15 +87,22 @@ def images_explain(x: FloatArray, images: FloatArray) -> bool:
     indices = _evenly_spread(len(x), _TRIAL_EXAMPLES)
     plain, mirrored = (a[indices].reshape(len(indices), -1) for a in (x, images))
     own = np.arange(len(indices))
-    without = _residual(plain, plain, own)
-    both = _residual(plain, np.concatenate([plain, mirrored]), np.concatenate([own, own]))
+    without = leave_one_out_residual(plain, plain, own)
+    both = leave_one_out_residual(
+        plain, np.concatenate([plain, mirrored]), np.concatenate([own, own])
+    )
     return bool(both < (1.0 - _LEAST_GAIN) * without)
 
 
-def _residual(x: FloatArray, basis: FloatArray, own: IntArray) -> float:
-    """Squared residual of all x (n, m) after ridge regression on the rows of a basis (b, m).
+def leave_one_out_residual(x: FloatArray, basis: FloatArray, own: IntArray) -> float:
+    """Squared residual of examples after ridge regression on the rows of a basis, summed.
 
-    Row r of the basis belongs to example own[r], whose own regression leaves it out.
+    The regression of an example leaves out the basis rows that belong to it.
+
+    Args:
+        x: (n, m) examples.
+        basis: (b, m) rows.
+        own: (b,) index of the example that each row belongs to.
     """
     G, g, squares = basis @ basis.T, x @ basis.T, (x**2).sum(axis=1)
     total = 0.0

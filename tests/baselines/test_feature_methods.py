@@ -9,7 +9,7 @@ from deformer.acap.features import FeatureExtractor, extract_all, features_to_gr
 from deformer.acap.poisson import PoissonSystem
 from deformer.baselines import _data_driven
 from deformer.baselines._checks import checked_handles, checked_shapes
-from deformer.baselines._data_driven import DataDrivenDeformation, _Control, _Fit
+from deformer.baselines._data_driven import DataDrivenDeformation, FitIterate, HandleConstraints
 from deformer.baselines._gradient_space import GradientSpace
 from deformer.baselines.acap import AcapSplocs
 from deformer.baselines.autoencoder import Autoencoder
@@ -98,8 +98,10 @@ def _fit_at(x):
     stiffness = schur_inverse(green[:, index])[:-1, :-1]
     rng = np.random.default_rng(5)
     goals = own.space.poisson.reference.vertices[index] - own.space.poisson.centroid
-    control = _Control(own, index, green, stiffness, goals + 0.1 * rng.normal(size=(4, 3)), 40.0)
-    return _Fit(control, np.asarray(x))
+    control = HandleConstraints(
+        own, index, green, stiffness, goals + 0.1 * rng.normal(size=(4, 3)), 40.0
+    )
+    return FitIterate(control, np.asarray(x))
 
 
 def test_gradient_of_the_handle_energy_is_its_derivative():
@@ -121,11 +123,13 @@ def test_normal_matrix_is_the_second_derivative_where_nothing_is_left_over():
     green = own.green(index)
     stiffness = schur_inverse(green[:, index])[:-1, :-1]
     goals = shape[index] - shape.mean(axis=0)
-    control = _Control(own, index, green, stiffness, goals, 40.0)
+    control = HandleConstraints(own, index, green, stiffness, goals, 40.0)
     h = 1e-5
-    sides = [[_Fit(control, sign * e).normal()[1] for sign in (1.0, -1.0)] for e in h * np.eye(7)]
+    sides = [
+        [FitIterate(control, sign * e).normal()[1] for sign in (1.0, -1.0)] for e in h * np.eye(7)
+    ]
     second = np.array([(plus - minus) / (2 * h) for plus, minus in sides])
-    matrix = _Fit(control, np.zeros(7)).normal()[0]
+    matrix = FitIterate(control, np.zeros(7)).normal()[0]
     np.testing.assert_allclose(second, matrix, rtol=1e-5, atol=1e-5 * np.abs(matrix).max())
 
 
@@ -234,7 +238,7 @@ def test_gradients_are_principal_logarithms():
     base = tube(8, 31)
     pose = twist(base.vertices, 3.0 * np.pi)
     shapes = MeshSequence(np.stack([base.vertices, pose]), base.faces)
-    q = GradientSplocs(FEW, 0.01).fit(shapes, 1)._extract(pose[None])[0]
+    q = GradientSplocs(FEW, 0.01).fit(shapes, 1).extract(pose[None])[0]
     assert 3.0 < np.linalg.norm(q[:, :3], axis=1).max() <= np.pi + 1e-9
     T = FeatureExtractor(base).gradients(pose)
     np.testing.assert_allclose(features_to_gradients(q), T, atol=1e-9)

@@ -38,9 +38,15 @@ def decoder_of(mesh, vertices):
 
 def prepare(mesh, rest, count=5, seed=0):
     """Surface in the pose `rest` with exact handles; the handle vertices and the system."""
+    return prepare_decoder(mesh, decoder_of(mesh, rest), count, seed)
+
+
+def prepare_decoder(mesh, decoder, count=5, seed=0):
+    """The same in the pose that a decoder gives."""
     system = PoissonSystem(mesh)
-    surface = DecodedSurface(decoder_of(mesh, rest), system)
-    vertices = np.sort(np.random.default_rng(seed).choice(len(rest), count, replace=False))
+    surface = DecodedSurface(decoder, system)
+    V = len(mesh.vertices)
+    vertices = np.sort(np.random.default_rng(seed).choice(V, count, replace=False))
     hold(surface, vertices, system)
     surface.decode(np.zeros(2))
     return surface, vertices, system
@@ -63,13 +69,6 @@ def relax(surface, targets, rounds, steps=8):
         surface.relax(steps)
         p = solve(surface, targets)
     return p
-
-
-def decoded_gradients(surface, V, order):
-    """T (V, 3, 3) in the user's order, as the surface holds them now."""
-    T = np.empty((V, 3, 3))
-    T[order] = surface._T.reshape(-1, 3, 3)[:V]
-    return T
 
 
 def rigidity_energy(system, x, p):
@@ -102,9 +101,7 @@ def test_decoded_gradients_and_positions(name):
     surface.set_handles_by_block(vertices, [surface.block_coefficients(a) for a in coefficients])
     T = features_to_gradients(q)
     found = surface.decode(np.zeros(2))
-    np.testing.assert_allclose(
-        decoded_gradients(surface, V, system.factor.order), T, atol=2e-5 * np.abs(T).max()
-    )
+    np.testing.assert_allclose(surface.gradients, T, atol=2e-5 * np.abs(T).max())
     expected = system.solve(T) - system.centroid
     size = np.abs(expected).max()
     np.testing.assert_allclose(found, expected[vertices], atol=1e-5 * size)
@@ -176,12 +173,11 @@ def test_the_schur_inverse_of_one_handle_is_a_translation():
 def test_handles_that_are_met_change_nothing(name, integrable):
     """Also of a shape whose gradients no shape has: it is at rest where it is."""
     mesh = MESHES[name]
-    surface, vertices, system = prepare(mesh, mesh.vertices)
+    decoder = decoder_of(mesh, mesh.vertices)
     if not integrable:
-        noise = 0.3 * np.random.default_rng(7).normal(size=(len(mesh.vertices), 9))
-        surface._decoder.q = surface._decoder.q + noise
-        surface.decode(np.zeros(2))
-    rest = system.solve(features_to_gradients(surface._decoder.q))
+        decoder.q = decoder.q + 0.3 * np.random.default_rng(7).normal(size=decoder.q.shape)
+    surface, vertices, system = prepare_decoder(mesh, decoder)
+    rest = system.solve(features_to_gradients(decoder.q))
     for rounds in (0, 1, 5):
         found = relax(surface, rest[vertices], rounds)
         assert largest(found - rest) < 2e-5 * mesh.bounding_diagonal

@@ -125,7 +125,7 @@ def test_threads_share_a_factor(many_tasks):
 def test_a_task_writes_only_its_own_rows(many_tasks, monkeypatch):
     """What several would write to, each keeps apart."""
     found = factor("ball")
-    n, starts = len(found.order), found._nodes[0]
+    n, starts = len(found.order), found.plan.starts
     checked = []
 
     def one_by_one(kernel, calls):
@@ -192,8 +192,7 @@ def test_a_matrix_that_is_indefinite_only_as_a_whole_is_refused():
 def test_bytes_per_solve():
     """Blocks (w + m, w) and their lower parts (m, w) once more, of four bytes."""
     found = factor("ball")
-    starts, bounds, _ = found._nodes
-    w, m = np.diff(starts), np.diff(bounds)
+    w, m = np.diff(found.plan.starts), np.diff(found.plan.bounds)
     assert found.bytes_per_solve == 4 * (w * (w + 2 * m)).sum()
 
 

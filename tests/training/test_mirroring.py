@@ -8,7 +8,12 @@ from deformer.acap.features import features_to_gradients
 from deformer.geometry.mesh import MeshSequence
 from deformer.geometry.metrics import e_rms
 from deformer.training import mirroring
-from deformer.training.mirroring import _residual, images_explain, mirror_images, reflected
+from deformer.training.mirroring import (
+    images_explain,
+    leave_one_out_residual,
+    mirror_images,
+    reflected,
+)
 from shapes import strip
 
 
@@ -122,7 +127,7 @@ def test_what_is_left_is_that_of_ridge_regression():
         ridge = 0.01 * (A**2).sum() / len(rows) * np.eye(len(rows))
         weights = np.linalg.solve(A.T @ A + ridge, A.T @ (goal - mean))
         total += ((goal - mean - A @ weights) ** 2).sum()
-    assert _residual(x, basis, own) == pytest.approx(total, rel=1e-10)
+    assert leave_one_out_residual(x, basis, own) == pytest.approx(total, rel=1e-10)
 
 
 @pytest.mark.parametrize("same", [0, 1, 3, 20])
