@@ -1,4 +1,4 @@
-"""Many frames of one model at once: handle positions, their derivatives, and shapes."""
+"""Handle positions, their derivatives and shapes of many frames: the interface, and with numba."""
 
 from __future__ import annotations
 
@@ -11,26 +11,30 @@ from deformer.editing.green_functions import HandleBasis
 from deformer.geometry import FloatArray
 from deformer.linalg import over_parts
 
-# Steps of the local rotation fits: in the first round and in later ones.
-FIRST_TURNS = 8
-TURNS = 2
+# Steps of the local rotation fits: in the first round of relaxation, and in each later one.
+FIRST_ROTATION_STEPS = 8
+ROTATION_STEPS = 2
 
 Boolean = NDArray[np.bool_]
 
 
 class Frames(Protocol):
-    """What a sequence needs of the model, for m codes (m, K) at once."""
+    """A model with handles, evaluated at m latent codes at once; arrays are float64.
+
+    Handle positions are those before the rigid motion, relative to the shape's centroid, in the
+    data's units.
+    """
 
     def by_landmarks(self, z: FloatArray) -> FloatArray:
-        """Handle positions (m, H, 3) by landmarks, relative to the shape's centroid."""
+        """Handle positions (m, H, 3) of codes z (m, K) by the landmarks alone."""
         ...
 
     def jacobians(self, z: FloatArray) -> FloatArray:
-        """Their derivatives (m, H, 3, K)."""
+        """Derivatives (m, H, 3, K) of `by_landmarks` with respect to the codes z (m, K)."""
         ...
 
     def by_all(self, z: FloatArray) -> FloatArray:
-        """Handle positions (m, H, 3) by all vertices."""
+        """Handle positions (m, H, 3) of codes z (m, K) by all vertices."""
         ...
 
     def shapes(
@@ -38,34 +42,40 @@ class Frames(Protocol):
         z: FloatArray,
         Q: FloatArray,
         origin: FloatArray,
-        goals: FloatArray,
-        held: Boolean,
+        targets: FloatArray,
+        exact: Boolean,
         rounds: int,
         out: FloatArray,
     ) -> None:
-        """Shapes of codes, turned by Q (m, 3, 3) and moved to origins (m, 3), into out (m, V, 3).
+        """Write the shape of each code, rigidly moved and with its exact handles at their targets.
 
-        Where held (m, H) is set the handle meets its goal (m, H, 3), and the frame goes through
-        `rounds` of rigid relaxation.
+        Args:
+            z: (m, K) latent codes.
+            Q: (m, 3, 3) rotations of the shapes about their centroids.
+            origin: (m, 3) positions of the centroids.
+            targets: (m, H, 3) positions of the handles.
+            exact: (m, H) true where a handle of a frame is at its target exactly.
+            rounds: rounds of rigid relaxation of the frames with exact handles.
+            out: (m, V, 3) positions that are written.
         """
         ...
 
 
 class NumbaFrames:
-    """`Frames` on all cores, every core with frames of its own.
+    """`Frames` on all cores; each core computes some of the frames.
 
     Args:
-        basis: with its handles taken.
+        basis: the model's handles; they must not change while the frames are in use.
     """
 
     def __init__(self, basis: HandleBasis) -> None:
-        """Take over the handles."""
+        """Prepare the handle positions by landmarks."""
         self._basis = basis
         self._handles = basis.landmark_positions()
         self._count = len(basis.vertices)
 
     def by_landmarks(self, z: FloatArray) -> FloatArray:
-        """Handle positions (m, H, 3) by landmarks, relative to the shape's centroid."""
+        """Handle positions (m, H, 3) of codes z (m, K) by the landmarks alone."""
         out = np.empty((len(z), self._count, 3))
 
         def evaluate(part: range) -> None:
@@ -76,7 +86,7 @@ class NumbaFrames:
         return out
 
     def jacobians(self, z: FloatArray) -> FloatArray:
-        """Their derivatives (m, H, 3, K)."""
+        """Derivatives (m, H, 3, K) of `by_landmarks` with respect to the codes z (m, K)."""
         out = np.empty((len(z), self._count, 3, z.shape[1]))
 
         def differentiate(part: range) -> None:
@@ -87,7 +97,7 @@ class NumbaFrames:
         return out
 
     def by_all(self, z: FloatArray) -> FloatArray:
-        """Handle positions (m, H, 3) by all vertices."""
+        """Handle positions (m, H, 3) of codes z (m, K) by all vertices."""
         out = np.empty((len(z), self._count, 3))
 
         def decode(part: range) -> None:
@@ -103,29 +113,30 @@ class NumbaFrames:
         z: FloatArray,
         Q: FloatArray,
         origin: FloatArray,
-        goals: FloatArray,
-        held: Boolean,
+        targets: FloatArray,
+        exact: Boolean,
         rounds: int,
         out: FloatArray,
     ) -> None:
-        """Shapes of codes, moved, with the held handles at their goals."""
+        """Write the shape of each code, rigidly moved, exact handles at their targets."""
         vertices, basis = self._basis.vertices, self._basis
 
         def rebuild(part: range) -> None:
             surface = basis.surface.copy()
             surface.set_handles_by_block(np.empty(0, dtype=np.int64), [])
             for m in part:
-                targets = (goals[m, held[m]] - origin[m]) @ Q[m]
-                basis.set_exact(vertices[held[m]], surface)
+                # Targets before the rigid motion.
+                local = (targets[m, exact[m]] - origin[m]) @ Q[m]
+                basis.set_exact(vertices[exact[m]], surface)
                 surface.reset()
                 surface.decode(z[m])
                 surface.solve()
-                surface.move_to_targets(targets)
-                for n in range(rounds if held[m].any() else 0):
-                    surface.relax(TURNS if n else FIRST_TURNS)
+                surface.move_to_targets(local)
+                for n in range(rounds if exact[m].any() else 0):
+                    surface.relax(ROTATION_STEPS if n else FIRST_ROTATION_STEPS)
                     surface.solve()
-                    surface.move_to_targets(targets)
+                    surface.move_to_targets(local)
                 out[m] = surface.positions(Q[m], origin[m])
-                out[m, vertices[held[m]]] = goals[m, held[m]]
+                out[m, vertices[exact[m]]] = targets[m, exact[m]]
 
         over_parts(rebuild, len(z))

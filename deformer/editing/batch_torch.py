@@ -1,8 +1,8 @@
-"""`frames.Frames` in torch: all frames of a batch at once, on any of its devices.
+"""`batch_numba.Frames` in torch: all frames of a batch at once, on a CPU or a GPU.
 
-The same landmarks, the same arithmetic and the same factor as on the processor's cores; single
-precision. The factor's supernodes are visited one after the other, each for all frames, so a batch
-should be large.
+Landmarks, formulas and the Poisson system's factor are those of `batch_numba`, in single precision.
+A solve visits the factor's supernodes one after the other, each for all frames of the batch: the
+more frames, the less the visits cost a frame.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from torch import Tensor
 
 from deformer.acap import STRETCH_COLUMNS, STRETCH_ROWS
 from deformer.editing.arap import schur_inverse
-from deformer.editing.batch_numba import FIRST_TURNS, TURNS, Boolean
+from deformer.editing.batch_numba import FIRST_ROTATION_STEPS, ROTATION_STEPS, Boolean
 from deformer.editing.green_functions import HandleBasis
 from deformer.editing.kernels import DAMPING, LARGEST_STEP, OVER_RELAXATION
 from deformer.errors import InputError
@@ -21,16 +21,19 @@ from deformer.geometry import FloatArray
 from deformer.linalg import SparseCholesky, resolve_device
 from deformer.network import Decoder
 
-# Numbers of a batch: frames times vertices times nine.
+# Numbers in the gradients of a batch: frames times vertices times nine. It bounds memory.
 _BATCH = 1 << 27
 
 
 class TorchFrames:
-    """Frames of one model on a torch device.
+    """`Frames` of one model on a torch device.
 
     Args:
-        basis: with its handles taken.
-        device: as `resolve_device` takes it.
+        basis: the model's handles; they must not change while the frames are in use.
+        device: name of the device, see `resolve_device`.
+
+    Raises:
+        InputError: the network has several layers, or there is no such device.
     """
 
     def __init__(self, basis: HandleBasis, device: str) -> None:
@@ -63,7 +66,7 @@ class TorchFrames:
         return [slice(start, start + size) for start in range(0, count, size)]
 
     def by_landmarks(self, z: FloatArray) -> FloatArray:
-        """Handle positions (m, H, 3) by landmarks, relative to the shape's centroid."""
+        """Handle positions (m, H, 3) of codes z (m, K) by the landmarks alone."""
         S = self._landmark_coefficients.shape[1]
         parts = []
         for part in self._batches(len(z), S):
@@ -72,7 +75,7 @@ class TorchFrames:
         return _numpy(torch.cat(parts))
 
     def jacobians(self, z: FloatArray) -> FloatArray:
-        """Their derivatives (m, H, 3, K)."""
+        """Derivatives (m, H, 3, K) of `by_landmarks` with respect to the codes z (m, K)."""
         coefficients = self._landmark_coefficients
         (H, S, _), K = coefficients.shape, z.shape[1]
         out = np.empty((len(z), H, 3, K))
@@ -88,7 +91,7 @@ class TorchFrames:
         return out
 
     def by_all(self, z: FloatArray) -> FloatArray:
-        """Handle positions (m, H, 3) by all vertices."""
+        """Handle positions (m, H, 3) of codes z (m, K) by all vertices."""
         parts = []
         for part in self._batches(len(z), self._coefficients.shape[1] // 3):
             T = gradients(self._all(self._tensor(z[part])))
@@ -101,41 +104,44 @@ class TorchFrames:
         z: FloatArray,
         Q: FloatArray,
         origin: FloatArray,
-        goals: FloatArray,
-        held: Boolean,
+        targets: FloatArray,
+        exact: Boolean,
         rounds: int,
         out: FloatArray,
     ) -> None:
-        """Shapes of codes, moved, with the held handles at their goals."""
+        """Write the shape of each code, rigidly moved, exact handles at their targets."""
         V = out.shape[1]
-        for which in np.unique(held, axis=0) if len(held) else []:
-            frames = np.flatnonzero((held == which).all(axis=1))
-            exact = self._basis.vertices[which]
-            green = self._basis.bending_rows(exact)
-            inverse = self._tensor(schur_inverse(green[:, exact]))
-            index = torch.as_tensor(exact, device=self._device)
+        # Frames with the same exact handles are computed together.
+        for pattern in np.unique(exact, axis=0) if len(exact) else []:
+            frames = np.flatnonzero((exact == pattern).all(axis=1))
+            vertices = self._basis.vertices[pattern]
+            green = self._basis.bending_rows(vertices)
+            inverse = self._tensor(schur_inverse(green[:, vertices]))
+            index = torch.as_tensor(vertices, device=self._device)
             rows = self._tensor(green)
             for part in self._batches(len(frames), V):
                 f = frames[part]
-                back = (goals[f][:, which] - origin[f][:, None]) @ Q[f] / self._unit
-                ends = index, rows, inverse, self._tensor(back)
+                # Targets before the rigid motion, in bounding diagonals.
+                local = (targets[f][:, pattern] - origin[f][:, None]) @ Q[f] / self._unit
+                constraints = index, rows, inverse, self._tensor(local)
                 rest = self._solved(gradients(self._all(self._tensor(z[f]))), self._edges)
-                p = _met(rest, *ends)
+                p = _moved_to_targets(rest, *constraints)
                 edges = self._halves * (rest[:, self._from] - rest[:, self._to])
                 R = torch.eye(3, device=p.device).expand(*p.shape[:2], 3, 3)
-                for n in range(rounds if which.any() else 0):
-                    R = self._turned(R, edges, p, TURNS if n else FIRST_TURNS)
-                    p = _met(self._solved(R, edges), *ends)
+                for n in range(rounds if pattern.any() else 0):
+                    steps = ROTATION_STEPS if n else FIRST_ROTATION_STEPS
+                    R = self._fitted_rotations(R, edges, p, steps)
+                    p = _moved_to_targets(self._solved(R, edges), *constraints)
                 moved = p @ self._tensor(self._unit * Q[f]).transpose(1, 2)
                 out[f] = _numpy(moved) + origin[f][:, None]
-                out[np.ix_(f, exact)] = goals[f][:, which]
+                out[np.ix_(f, vertices)] = targets[f][:, pattern]
 
     def _solved(self, T: Tensor, edges: Tensor) -> Tensor:
         """Positions (m, V, 3) of L p = Σ_j (T_i + T_j) e_ij, up to a translation."""
         return self._factor.solve(rhs(T, self._from, self._to, edges))
 
-    def _turned(self, R: Tensor, edges: Tensor, p: Tensor, steps: int) -> Tensor:
-        """Rotations turned to fit the edges of p: `kernels.fit_rotations` for all frames."""
+    def _fitted_rotations(self, R: Tensor, edges: Tensor, p: Tensor, steps: int) -> Tensor:
+        """Rotations (m, V, 3, 3) after a local step from R: `kernels.fit_rotations` in torch."""
         new = p[:, self._from] - p[:, self._to]
         B = torch.zeros(R.shape, device=R.device)
         B.index_add_(1, self._from, new[..., :, None] * edges[..., None, :])
@@ -150,7 +156,7 @@ class TorchFrames:
 
 
 class _Decoder:
-    """Features gain tanh(M z + base) + offset of many codes."""
+    """Features gain tanh(M z + base) + offset of many codes: `Decoder` of one layer in torch."""
 
     def __init__(self, decoder: Decoder, device: torch.device) -> None:
         if not decoder.pointwise:
@@ -180,7 +186,7 @@ class _Decoder:
 
 
 class _Factor:
-    """The blocks of `SparseCholesky`, solved with for many columns."""
+    """The blocks of a `SparseCholesky` on a device, for many right-hand sides at once."""
 
     def __init__(self, factor: SparseCholesky, device: torch.device) -> None:
         self._order, self._inverse_order = (
@@ -209,20 +215,22 @@ class _Factor:
 
 
 def rhs(T: Tensor, start: Tensor, end: Tensor, edges: Tensor) -> Tensor:
-    """b_i = Σ_j (T_i + T_j) e_ij (m, V, 3) of matrices T (m, V, 3, 3): `geometry.rhs_` in torch.
+    """Right-hand sides b_i = Σ_j (T_i + T_j) e_ij, (m, V, 3): `geometry.rhs_` in torch.
 
     Args:
-        T: (m, V, 3, 3).
+        T: (m, V, 3, 3) matrices.
         start, end: (E,) vertices i and j of directed edges.
-        edges: e_ij = ½ c_ij (v_i − v_j), (E, 3), or (m, E, 3).
+        edges: (E, 3) or (m, E, 3) half-weighted edges e_ij = ½ c_ij (v_i − v_j).
     """
     b = torch.zeros(T.shape[:3], dtype=T.dtype, device=T.device)
     sums = ((T[:, start] + T[:, end]) @ edges[..., None])[..., 0]
     return b.index_add_(1, start, sums)
 
 
-def _met(p: Tensor, index: Tensor, green: Tensor, inverse: Tensor, targets: Tensor) -> Tensor:
-    """Positions (m, V, 3) with exact handles at targets: see `DecodedSurface.move_to_targets`."""
+def _moved_to_targets(
+    p: Tensor, index: Tensor, green: Tensor, inverse: Tensor, targets: Tensor
+) -> Tensor:
+    """Positions (m, V, 3) after `DecodedSurface.move_to_targets` to targets (m, H, 3)."""
     if len(index) == 0:
         return p - p.mean(dim=1, keepdim=True)
     misfit = torch.nn.functional.pad(targets - p[:, index], (0, 0, 0, 1))
@@ -256,7 +264,7 @@ def _product(a: Tensor, b: Tensor) -> Tensor:
 
 
 def _rotation_step(B: Tensor) -> Tensor:
-    """Quaternions (…, 4), not of unit length, of a step of `kernels.fit_step`; B = A Rᵀ."""
+    """Quaternions (…, 4) of one step of `kernels.fit_step`, not normalised; B = A Rᵀ."""
     trace = B.diagonal(dim1=-2, dim2=-1).sum(-1)[..., None]
     axial = torch.stack(
         [B[..., 2, 1] - B[..., 1, 2], B[..., 0, 2] - B[..., 2, 0], B[..., 1, 0] - B[..., 0, 1]], -1
@@ -291,7 +299,7 @@ def _exponential(r: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _stretch(s: Tensor) -> Tensor:
-    """Symmetric matrices (…, 3, 3) of their six entries."""
+    """Symmetric matrices (…, 3, 3) of entries xx, xy, xz, yy, yz, zz (…, 6)."""
     S = s.new_zeros((*s.shape[:-1], 3, 3))
     S[..., STRETCH_ROWS, STRETCH_COLUMNS] = s
     S[..., STRETCH_COLUMNS, STRETCH_ROWS] = s

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from deformer.acap.jacobians import positions_from_features
-from deformer.editing import batch_torch as torch_frames
+from deformer.editing import batch_torch
 from deformer.editing.batch_numba import NumbaFrames
 from deformer.editing.batch_torch import TorchFrames
 from deformer.editing.green_functions import HandleBasis
@@ -31,15 +31,15 @@ class Case:
         shapes = np.array([model.decode(z) - model.centroid_offset(z) for z in self.z])
         self.free = shapes - model.reference.vertices.mean(axis=0)
         moved = self.free @ self.Q.transpose(0, 2, 1) + self.origin[:, None]
-        self.goals = moved[:, handles]
-        self.goals += 0.03 * self.unit * rng.normal(size=self.goals.shape)
+        self.targets = moved[:, handles]
+        self.targets += 0.03 * self.unit * rng.normal(size=self.targets.shape)
 
     def both(self):
         return NumbaFrames(self.basis), TorchFrames(self.basis, "cpu")
 
-    def shapes(self, frames, held, rounds):
+    def shapes(self, frames, exact, rounds):
         out = np.full_like(self.free, np.nan)
-        frames.shapes(self.z, self.Q, self.origin, self.goals, held, rounds, out)
+        frames.shapes(self.z, self.Q, self.origin, self.targets, exact, rounds, out)
         return out
 
     def landmark_positions(self, z):
@@ -104,22 +104,22 @@ def masks(count):
 
 @pytest.mark.parametrize("rounds", [0, 2])
 @pytest.mark.parametrize("which", ["none", "all", "mixed"])
-def test_shapes_agree_and_held_handles_are_met(case, which, rounds):
-    held = masks(len(case.handles))[which]
-    numba, torch = (case.shapes(frames, held, rounds) for frames in case.both())
+def test_shapes_agree_and_exact_handles_are_met(case, which, rounds):
+    exact = masks(len(case.handles))[which]
+    numba, torch = (case.shapes(frames, exact, rounds) for frames in case.both())
     assert largest(numba - torch) < 1e-4 * case.unit
     free = case.free @ case.Q.transpose(0, 2, 1) + case.origin[:, None]
     for out in (numba, torch):
-        assert np.array_equal(out[:, case.handles][held], case.goals[held])
-        # What holds nothing is the decoded shape, also amid frames that are relaxed.
-        loose = ~held.any(axis=1)
+        assert np.array_equal(out[:, case.handles][exact], case.targets[exact])
+        # A frame without exact handles is the decoded shape, also amid frames that are relaxed.
+        loose = ~exact.any(axis=1)
         np.testing.assert_allclose(out[loose], free[loose], atol=2e-5 * case.unit)
 
 
-def test_held_handles_move_their_surroundings_least(case):
+def test_exact_handles_move_their_surroundings_least(case):
     """Without relaxation: the smallest change of a shape as a plate under tension."""
-    held = np.zeros((7, len(case.handles)), bool)
-    held[:, [0, 2]] = True
+    exact = np.zeros((7, len(case.handles)), bool)
+    exact[:, [0, 2]] = True
     V = len(case.model.reference.vertices)
     L = case.model.poisson.weights
     laplacian = np.diag(np.asarray(L.sum(axis=1)).ravel()) - L.toarray()
@@ -131,14 +131,14 @@ def test_held_handles_move_their_surroundings_least(case):
     free = case.free @ case.Q.transpose(0, 2, 1) + case.origin[:, None]
     loose = np.setdiff1d(np.arange(V), case.handles[[0, 2]])
     for frames in case.both():
-        change = case.shapes(frames, held, 0) - free
+        change = case.shapes(frames, exact, 0) - free
         force = plate @ change
         size = np.abs(plate).max() * np.abs(change).max()
         assert np.abs(force[:, loose]).max() < 1e-3 * size
 
 
 def test_batches_make_no_difference(case, monkeypatch):
-    held = masks(len(case.handles))["mixed"]
+    exact = masks(len(case.handles))["mixed"]
     _, torch = case.both()
 
     def everything():
@@ -146,12 +146,12 @@ def test_batches_make_no_difference(case, monkeypatch):
             torch.by_landmarks(case.z),
             torch.jacobians(case.z),
             torch.by_all(case.z),
-            case.shapes(torch, held, 2),
+            case.shapes(torch, exact, 2),
         )
 
     whole = everything()
     for size in (1, 30 * len(case.model.reference.vertices)):
-        monkeypatch.setattr(torch_frames, "_BATCH", size)
+        monkeypatch.setattr(batch_torch, "_BATCH", size)
         for one, other in zip(whole, everything(), strict=True):
             np.testing.assert_allclose(other, one, atol=1e-5 * np.abs(one).max())
 
