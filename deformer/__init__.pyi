@@ -9,13 +9,13 @@ from .acap import (
 )
 from .analysis import (
     Activations as Activations,
+    BlendSpace as BlendSpace,
     Component as Component,
     ComponentAnalysis as ComponentAnalysis,
     Familiarity as Familiarity,
     ShapePath as ShapePath,
     Synthesis as Synthesis,
-    Way as Way,
-    check_way as check_way,
+    check_blend_space as check_blend_space,
     draw_codes as draw_codes,
     interpolate as interpolate,
     transfer as transfer,

@@ -25,4 +25,4 @@ def main(picture: Path, quick: bool = False) -> list[deformer.Component]:
 
 if __name__ == "__main__":
     for c in main(Path(sys.argv[1])):
-        print(c.index, c.label, f"{c.strength:.1f}", "used most by shapes", c.users)
+        print(c.index, c.label, f"{c.strength:.1f}", "extreme in shapes", c.extreme_shapes)

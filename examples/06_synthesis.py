@@ -17,10 +17,10 @@ def main(picture: Path, quick: bool = False) -> None:
     steps = np.linspace(0, 1.5, 2 if quick else 7)
 
     rows = {
-        way: np.stack([synthesis.shape(dict.fromkeys(names.values(), w), way) for w in steps])
-        for way in ("latent", "linear")
+        space: np.stack([synthesis.shape(dict.fromkeys(names.values(), w), space) for w in steps])
+        for space in ("latent", "linear")
     }
-    titles = {way: [f"{way}, weights {w:.2f}" for w in steps] for way in rows}
+    titles = {space: [f"{space}, weights {w:.2f}" for w in steps] for space in rows}
     save_rows(picture, rows, model.reference.faces, "z", titles)
 
 

@@ -17,15 +17,15 @@ def main(picture: Path, quick: bool = False) -> dict[str, float]:
     codes = model.codes[[model.split["train"].index(n) for n in KEYS]]
     keys = model.decode(codes)
 
-    ways = ("latent", "features", "linear")
-    paths = {way: deformer.interpolate(model, keys, 3 if quick else 7, way) for way in ways}
+    spaces = ("latent", "features", "linear")
+    paths = {space: deformer.interpolate(model, keys, 3 if quick else 7, space) for space in spaces}
 
-    rows = {way: path.vertices for way, path in paths.items()}
-    titles = {way: [f"{way}, {t:.2f}" for t in path.times] for way, path in paths.items()}
+    rows = {space: path.vertices for space, path in paths.items()}
+    titles = {space: [f"{space}, {t:.2f}" for t in path.times] for space, path in paths.items()}
     save_rows(picture, rows, model.reference.faces, "z", titles)
     return {
-        way: float(np.quantile(path.edge_ratios(), 0.05, axis=1).min())
-        for way, path in paths.items()
+        space: float(np.quantile(path.edge_ratios(), 0.05, axis=1).min())
+        for space, path in paths.items()
     }
 
 

@@ -12,9 +12,9 @@ from .interpolation import (
     interpolate as interpolate,
 )
 from .synthesis import (
+    BlendSpace as BlendSpace,
     Synthesis as Synthesis,
-    Way as Way,
-    check_way as check_way,
+    check_blend_space as check_blend_space,
     draw_codes as draw_codes,
     transfer as transfer,
     transfer_code as transfer_code,

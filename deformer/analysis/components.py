@@ -35,9 +35,9 @@ class Component:
             of the mesh's extent; other connected components do not count.
         partner: component whose activations correlate most with this one's over the training
             codes, in magnitude; −1 if no other component's do.
-        sharing: the correlation with `partner`, −1 to 1; 0 without one.
-        users: training shapes whose activation is farthest from the reference's, the farthest
-            first: indices into the shapes that the model was trained from.
+        partner_correlation: the correlation with `partner`, −1 to 1; 0 without one.
+        extreme_shapes: training shapes whose activation is farthest from the reference's, the
+            farthest first: indices into the shapes that the model was trained from.
     """
 
     index: int
@@ -52,8 +52,8 @@ class Component:
     support: int
     extent: float
     partner: int
-    sharing: float
-    users: tuple[int, ...]
+    partner_correlation: float
+    extreme_shapes: tuple[int, ...]
 
 
 class ComponentAnalysis:
@@ -61,25 +61,25 @@ class ComponentAnalysis:
 
     Args:
         model: the prior.
-        users: number of training shapes in `Component.users`.
+        extreme_count: number of training shapes in `Component.extreme_shapes`.
 
     Attributes:
         activations: extremes, strengths and supports.
 
     Raises:
-        InputError: `users` is negative.
+        InputError: `extreme_count` is negative.
     """
 
-    def __init__(self, model: DeformationModel, users: int = 3) -> None:
+    def __init__(self, model: DeformationModel, extreme_count: int = 3) -> None:
         """Find extremes and strengths."""
-        if users < 0:
-            raise InputError(f"users: expected 0 or more training shapes, got {users}")
+        if extreme_count < 0:
+            raise InputError(f"extreme_count: expected 0 or more, got {extreme_count}")
         self.model = model
         self.activations = Activations(model)
-        self._users = users
+        self._extreme_count = extreme_count
 
     @cached_property
-    def sharing(self) -> FloatArray:
+    def correlations(self) -> FloatArray:
         """Correlations (K, K) of activations over the training codes; 0 for constant ones."""
         return activation_correlations(self.model.codes)
 
@@ -117,11 +117,11 @@ class ComponentAnalysis:
         centre = int(weights.argmax())
         support = np.flatnonzero(weights >= SUPPORT_THRESHOLD)
         distances = model.geodesics.normalised_row(centre)[support]
-        correlation = np.abs(self.sharing[k])
+        correlation = np.abs(self.correlations[k])
         correlation[k] = 0.0
         partner = int(correlation.argmax()) if correlation.any() else -1
         difference = np.abs(model.codes[:, k] - activations.reference[k])
-        farthest = np.argsort(-difference, kind="stable")[: self._users]
+        farthest = np.argsort(-difference, kind="stable")[: self._extreme_count]
         motion = vertex_errors(self.rest.vertices, self.shape(k).vertices)
         return Component(
             index=k,
@@ -136,8 +136,8 @@ class ComponentAnalysis:
             support=len(support),
             extent=float(distances[np.isfinite(distances)].max()),
             partner=partner,
-            sharing=float(self.sharing[k, partner]) if partner >= 0 else 0.0,
-            users=tuple(int(model.split["train"][row]) for row in farthest),
+            partner_correlation=float(self.correlations[k, partner]) if partner >= 0 else 0.0,
+            extreme_shapes=tuple(int(model.split["train"][row]) for row in farthest),
         )
 
     def _mesh(self, z: FloatArray) -> Mesh:

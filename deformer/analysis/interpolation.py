@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deformer.acap import extract_all
-from deformer.analysis.synthesis import Way, check_way
+from deformer.analysis.synthesis import BlendSpace, check_blend_space
 from deformer.errors import InputError
 from deformer.geometry import (
     FloatArray,
@@ -61,7 +61,7 @@ class ShapePath:
 
 
 def interpolate(
-    model: DeformationModel, keys: ArrayLike, steps: int = 9, way: Way = "latent"
+    model: DeformationModel, keys: ArrayLike, steps: int = 9, space: BlendSpace = "latent"
 ) -> ShapePath:
     """A path through shapes, in equal steps from key to key.
 
@@ -69,16 +69,16 @@ def interpolate(
         model: the prior; the shapes have its connectivity.
         keys: (M, V, 3) the key shapes, M ≥ 2, in the reference's units.
         steps: shapes from one key to the next, both included: n = (M − 1)(steps − 1) + 1.
-        way: "latent" interpolates the keys' codes; the path passes through the decoded keys.
+        space: "latent" interpolates the keys' codes; the path passes through the decoded keys.
             "features" interpolates rotation vectors and stretches, which depend on no training and
             reproduce the keys exactly; the whole body's rotation is interpolated along the
             shorter arc. "linear" interpolates vertex positions.
 
     Raises:
         InputError: fewer than two keys, of another connectivity, fewer than two steps, or an
-            unknown way.
+            unknown space.
     """
-    check_way(way)
+    check_blend_space(space)
     shapes = np.asarray(keys, dtype=np.float64)
     V = len(model.reference.vertices)
     if shapes.ndim != 3 or shapes.shape[1:] != (V, 3) or len(shapes) < 2:
@@ -86,11 +86,11 @@ def interpolate(
     if steps < 2:
         raise InputError(f"steps: expected at least 2, got {steps}")
     times = np.linspace(0.0, len(shapes) - 1.0, (len(shapes) - 1) * (steps - 1) + 1)
-    if way == "linear":
+    if space == "linear":
         path = _interpolated(shapes, times)
         at_keys = shapes
     else:
-        centred_shapes = _from_codes if way == "latent" else _from_features
+        centred_shapes = _from_codes if space == "latent" else _from_features
         # The shapes at the keys come from the same interpolation: they are on the path.
         all_times = np.concatenate([times, np.arange(len(shapes), dtype=np.float64)])
         p = centred_shapes(model, shapes, all_times)

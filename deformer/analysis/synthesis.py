@@ -13,8 +13,9 @@ from deformer.errors import InputError
 from deformer.geometry import FloatArray
 from deformer.model import DeformationModel
 
-Way = Literal["latent", "features", "linear"]
-WAYS: tuple[Way, ...] = ("latent", "features", "linear")
+# What is linear in the weights: latent codes, features, or vertex positions.
+BlendSpace = Literal["latent", "features", "linear"]
+BLEND_SPACES: tuple[BlendSpace, ...] = ("latent", "features", "linear")
 
 # Component (its index or its name) → weight. The keys are Any, since Mapping is invariant in its
 # keys: a dict[int, float] is no Mapping[int | str, float].
@@ -60,25 +61,25 @@ class Synthesis:
         span = self.activations.extreme - self.activations.reference
         return self.start + self._vector(weights) * span
 
-    def shape(self, weights: Weights, way: Way = "latent") -> FloatArray:
+    def shape(self, weights: Weights, space: BlendSpace = "latent") -> FloatArray:
         """Vertices (V, 3) of weights of components.
 
         Args:
             weights: component (index or name) → weight w_k.
-            way: "latent" decodes the code. "features" and "linear" are linear counterparts, for
+            space: "latent" decodes the code. "features" and "linear" are linear counterparts, for
                 comparison: they add w_k times the difference of each representative shape from
                 the reference, in features or in vertex positions.
 
         Raises:
-            InputError: as `code`, or an unknown way.
+            InputError: as `code`, or an unknown space.
         """
         model, acts = self.model, self.activations
-        check_way(way)
-        if way == "latent":
+        check_blend_space(space)
+        if space == "latent":
             return model.decode(self.code(weights))
         w = self._vector(weights)
         used = np.flatnonzero(w)
-        if way == "features":
+        if space == "features":
             q = model.decoder.features(self.start)
             for k in used:
                 q = q + w[k] * acts.change(int(k))
@@ -93,7 +94,7 @@ class Synthesis:
         component: int | str,
         values: ArrayLike,
         weights: Weights | None = None,
-        way: Way = "latent",
+        space: BlendSpace = "latent",
     ) -> FloatArray:
         """Vertices (n, V, 3) for n weights of one component, with the other weights fixed.
 
@@ -101,7 +102,7 @@ class Synthesis:
             component: index or name of the component.
             values: (n,) its weights.
             weights: component (index or name) → weight of the others; None is 0 for all.
-            way: as in `shape`.
+            space: as in `shape`.
 
         Raises:
             InputError: as `shape`.
@@ -109,7 +110,7 @@ class Synthesis:
         k = self.model.component(component)
         fixed = {self.model.component(key): w for key, w in (weights or {}).items()}
         steps = np.atleast_1d(np.asarray(values, dtype=np.float64))
-        return np.stack([self.shape({**fixed, k: float(w)}, way) for w in steps])
+        return np.stack([self.shape({**fixed, k: float(w)}, space) for w in steps])
 
     def _vector(self, weights: Weights) -> FloatArray:
         w = np.zeros(self.model.components)
@@ -155,10 +156,10 @@ def draw_codes(
     return drawn
 
 
-def check_way(way: str) -> None:
-    """Raise InputError unless `way` is one of `WAYS`."""
-    if way not in WAYS:
-        raise InputError(f"way: expected one of {', '.join(WAYS)}, got {way!r}")
+def check_blend_space(space: str) -> None:
+    """Raise InputError unless `space` is one of `BLEND_SPACES`."""
+    if space not in BLEND_SPACES:
+        raise InputError(f"space: expected one of {', '.join(BLEND_SPACES)}, got {space!r}")
 
 
 def transfer(source: DeformationModel, target: DeformationModel, z: ArrayLike) -> FloatArray:

@@ -16,12 +16,12 @@ from deformer.editing.unknowns import MOTION, Unknowns
 from deformer.geometry import FloatArray, log_to_rotation, right_jacobian
 from deformer.linalg import Damping, descend
 from deformer.model import (
-    FREE,
+    DIFFUSE_PRIOR,
     BendLimits,
     DeformationModel,
     LatentPrior,
     RigidPrior,
-    cost_of_freedom,
+    diffuse_prior_cost,
 )
 
 _DAMPING = Damping(initial=1e-3, up=8.0, down=8.0, floor=1e-9, ceiling=1e8)
@@ -228,10 +228,13 @@ class HandleEnergy:
         """The terms of which `stiffness` takes the least."""
         code = np.ones(self.components)
         if self.freedom is not None or self.rigid_prior is None:
-            return [(np.concatenate([code, FREE.stiffness(self.freedom or 1.0)]), 0.0)]
+            return [(np.concatenate([code, DIFFUSE_PRIOR.stiffness(self.freedom or 1.0)]), 0.0)]
         terms = [
             (np.concatenate([code, self.rigid_prior.stiffness()]), 0.0),
-            (np.concatenate([code, FREE.stiffness()]), cost_of_freedom(self.rigid_prior)),
+            (
+                np.concatenate([code, DIFFUSE_PRIOR.stiffness()]),
+                diffuse_prior_cost(self.rigid_prior),
+            ),
         ]
         return terms if self.rigid_term is None else [terms[self.rigid_term]]
 

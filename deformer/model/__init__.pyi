@@ -11,9 +11,9 @@ from .model import (
     DeformationModel as DeformationModel,
 )
 from .rigid_prior import (
-    FREE as FREE,
+    DIFFUSE_PRIOR as DIFFUSE_PRIOR,
     RigidPrior as RigidPrior,
-    cost_of_freedom as cost_of_freedom,
+    diffuse_prior_cost as diffuse_prior_cost,
     fit_rigid_prior as fit_rigid_prior,
 )
 from .storage import (

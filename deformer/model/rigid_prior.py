@@ -21,8 +21,8 @@ _ASSUMED_DEVIATION, _ASSUMED_COUNT = 0.01, 1
 # Candidate ridges of the regression on codes, relative to its largest squared singular value; with
 # the infinite one the centroid does not depend on the code.
 _RIDGES = (*np.logspace(-8, 0, 9), np.inf)
-# Prior probability that a shape's rigid motion follows `FREE` and not the training shapes.
-_FREE_PROBABILITY = 0.01
+# Prior probability that a shape's rigid motion follows `DIFFUSE_PRIOR` and not the training shapes.
+_DIFFUSE_PROBABILITY = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,17 +74,22 @@ class RigidPrior:
         return 6.0 * float(np.log(self.rotation) + np.log(self.translation))
 
 
-# Nearly any rigid motion: deviations of about a twentieth of a turn and one bounding diagonal.
-FREE = RigidPrior(0.3, 1.0)
+# Nearly any rigid motion: standard deviations of about a twentieth of a turn and one bounding
+# diagonal.
+DIFFUSE_PRIOR = RigidPrior(0.3, 1.0)
 
 
-def cost_of_freedom(prior: RigidPrior) -> float:
-    """Energy that a rigid motion under `FREE` costs more than one under `prior`, both at the mean.
+def diffuse_prior_cost(prior: RigidPrior) -> float:
+    """Energy of the mean motion under `DIFFUSE_PRIOR`, less its energy under `prior`.
 
-    It is −2 times the logarithm of the odds of `FREE` and of the ratio of the peak densities.
+    It is −2 log of two ratios: of the prior probabilities, `DIFFUSE_PRIOR` over `prior`, and of the
+    peak densities.
+
+    Args:
+        prior: fitted to the training shapes.
     """
-    odds = 2.0 * float(np.log((1.0 - _FREE_PROBABILITY) / _FREE_PROBABILITY))
-    return odds + FREE.log_volume - prior.log_volume
+    odds = 2.0 * float(np.log((1.0 - _DIFFUSE_PROBABILITY) / _DIFFUSE_PROBABILITY))
+    return odds + DIFFUSE_PRIOR.log_volume - prior.log_volume
 
 
 def fit_rigid_prior(
@@ -110,7 +115,10 @@ def fit_rigid_prior(
     offset, gain, residuals = _regression(Z, np.array(translations))
     rotation, translation = (_shrunk_deviation(np.array(x)) for x in (rotations, residuals))
     return RigidPrior(
-        min(rotation, FREE.rotation), min(translation, FREE.translation), offset, gain
+        min(rotation, DIFFUSE_PRIOR.rotation),
+        min(translation, DIFFUSE_PRIOR.translation),
+        offset,
+        gain,
     )
 
 

@@ -59,19 +59,24 @@ def test_an_unused_component_is_last_and_acts_nowhere(model):
     analysis = ComponentAnalysis(replace(model, codes=codes))
     last = analysis.ranked()[-1]
     assert last.index == 3
-    assert last.strength == 0 and last.motion == 0 and last.partner == -1 and last.sharing == 0
+    assert (
+        last.strength == 0
+        and last.motion == 0
+        and last.partner == -1
+        and last.partner_correlation == 0
+    )
 
 
-def test_users_are_shapes_of_the_whole_set(model):
+def test_extreme_shapes_are_indices_into_the_whole_set(model):
     """Row 2 of the codes is training shape 7; it goes farthest in component 1."""
     codes = model.codes.copy()
     codes[2, 1] = 100.0
     split = {"train": [3, 5, 7, *range(8, 17)], "test": [0]}
-    found = ComponentAnalysis(replace(model, codes=codes, split=split), users=2).describe(1)
-    assert found.users[0] == 7 and len(found.users) == 2 and found.high == 100.0
+    found = ComponentAnalysis(replace(model, codes=codes, split=split), extreme_count=2).describe(1)
+    assert found.extreme_shapes[0] == 7 and len(found.extreme_shapes) == 2 and found.high == 100.0
 
 
-def test_sharing_is_correlation():
+def test_correlations_of_activations():
     a = np.array([1.0, -1.0, 1.0, -1.0])
     b = np.array([1.0, 1.0, -1.0, -1.0])
     codes = np.stack([a, -3 * a + 7, b, np.full(4, 2.0), a + b], axis=1)
@@ -86,11 +91,11 @@ def test_sharing_is_correlation():
     np.testing.assert_allclose(activation_correlations(codes), expected, atol=1e-12)
 
 
-def test_the_partner_shares_most(model):
+def test_the_partner_correlates_most(model):
     codes = model.codes.copy()
     codes[:, 4] = 2.0 - 3.0 * codes[:, 1]
     found = ComponentAnalysis(replace(model, codes=codes)).describe(4)
-    assert found.partner == 1 and found.sharing == pytest.approx(-1.0)
+    assert found.partner == 1 and found.partner_correlation == pytest.approx(-1.0)
 
 
 def test_names_are_shown(model):
@@ -102,8 +107,8 @@ def test_names_are_shown(model):
 def test_mistakes_are_refused(model, analysis):
     with pytest.raises(InputError, match="component 6 does not exist"):
         analysis.describe(6)
-    with pytest.raises(InputError, match="users"):
-        ComponentAnalysis(model, users=-1)
+    with pytest.raises(InputError, match="extreme_count"):
+        ComponentAnalysis(model, extreme_count=-1)
 
 
 def test_representative_features_are_the_farther_of_two(model):

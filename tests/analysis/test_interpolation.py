@@ -23,8 +23,8 @@ def test_features_pass_through_the_bend_between_two_bends(model):
     middle = tube(model, 0.5)
     size = model.reference.bounding_diagonal
 
-    def off(way):
-        found = interpolate(model, keys, 3, way).vertices[1]
+    def off(space):
+        found = interpolate(model, keys, 3, space).vertices[1]
         return np.linalg.norm(align(found[None], middle)[0] - middle, axis=1).max() / size
 
     assert off("features") < 0.01
@@ -33,8 +33,8 @@ def test_features_pass_through_the_bend_between_two_bends(model):
 
 def test_keys_are_met(model):
     keys = sequence().vertices[[0, 3, 8]] + np.array([[[1.0, 0, 0]], [[0, 2.0, 0]], [[0, 0, 0]]])
-    for way, tolerance in (("features", 1e-6), ("linear", 1e-12)):
-        path = interpolate(model, keys, 4, way)
+    for space, tolerance in (("features", 1e-6), ("linear", 1e-12)):
+        path = interpolate(model, keys, 4, space)
         assert len(path.vertices) == 7
         np.testing.assert_allclose(path.times, np.linspace(0, 2, 7))
         np.testing.assert_allclose(path.vertices[[0, 3, 6]], keys, atol=tolerance)
@@ -45,7 +45,7 @@ def test_keys_are_met(model):
     np.testing.assert_allclose(path.vertices[[0, 3, 6]], own, atol=1e-9)
 
 
-def test_the_latent_way_decodes_codes_on_a_line(model):
+def test_latent_interpolation_decodes_codes_on_a_line(model):
     keys = sequence().vertices[[1, 6]]
     a, b = model.encode(keys)
     expected = model.decode(0.75 * a + 0.25 * b)
@@ -74,8 +74,8 @@ def test_turns_take_the_shorter_way_and_keep_lengths(model):
 def test_only_the_straight_line_shrinks(model):
     """Between two opposite bends of examples."""
     keys = np.stack([tube(model, -1.2), tube(model, 1.2)])
-    ratio = {way: interpolate(model, keys, 9, way).length_ratios().min()
-             for way in ("latent", "features", "linear")}  # fmt: skip
+    ratio = {space: interpolate(model, keys, 9, space).length_ratios().min()
+             for space in ("latent", "features", "linear")}  # fmt: skip
     assert ratio["features"] > 0.995 and ratio["latent"] > 0.97
     assert ratio["linear"] < ratio["features"] - 0.02
 
@@ -95,7 +95,7 @@ def test_edge_ratios_by_hand():
 
 def test_mistakes_are_refused(model):
     keys = sequence().vertices[:2]
-    with pytest.raises(InputError, match="way: expected one of latent, features, linear"):
+    with pytest.raises(InputError, match="space: expected one of latent, features, linear"):
         interpolate(model, keys, 3, "straight")
     with pytest.raises(InputError, match="steps"):
         interpolate(model, keys, 1)

@@ -53,21 +53,21 @@ def test_any_shape_can_be_the_start(model):
     np.testing.assert_allclose(found, model.codes[5] + step, atol=1e-12)
 
 
-@pytest.mark.parametrize("way", ["features", "linear"])
-def test_linear_counterparts_agree_at_one_component_and_are_linear(model, synthesis, way):
+@pytest.mark.parametrize("space", ["features", "linear"])
+def test_linear_counterparts_agree_at_one_component_and_are_linear(model, synthesis, space):
     """Weight 1 of one component is its representative shape; beyond, each adds linearly."""
     for k in (0, 3):
         np.testing.assert_allclose(
-            synthesis.shape({k: 1.0}, way), synthesis.shape({k: 1.0}), atol=1e-9
+            synthesis.shape({k: 1.0}, space), synthesis.shape({k: 1.0}), atol=1e-9
         )
 
     def made(weights):
-        p = synthesis.shape(weights, way)
-        return p if way == "linear" else model.extractor.extract(p)
+        p = synthesis.shape(weights, space)
+        return p if space == "linear" else model.extractor.extract(p)
 
     both = made({0: 0.4, 3: -0.3}) - made({})
     apart = made({0: 0.4}) - made({}) + made({3: -0.3}) - made({})
-    np.testing.assert_allclose(both, apart, atol=1e-9 if way == "linear" else 2e-2)
+    np.testing.assert_allclose(both, apart, atol=1e-9 if space == "linear" else 2e-2)
 
 
 def test_the_latent_way_is_not_linear(model, synthesis):
@@ -136,7 +136,7 @@ def test_mistakes_are_refused(model, synthesis):
     ):
         with pytest.raises(InputError, match=words):
             synthesis.code(weights)
-    with pytest.raises(InputError, match="way"):
+    with pytest.raises(InputError, match="space"):
         synthesis.shape({1: 1.0}, "straight")
     with pytest.raises(InputError, match="start"):
         Synthesis(model, np.zeros(3))

@@ -7,7 +7,12 @@ import pytest
 
 from deformer import HandleSolver, load_model
 from deformer.geometry.rotations import log_to_rotation
-from deformer.model.rigid_prior import FREE, RigidPrior, cost_of_freedom, fit_rigid_prior
+from deformer.model.rigid_prior import (
+    DIFFUSE_PRIOR,
+    RigidPrior,
+    diffuse_prior_cost,
+    fit_rigid_prior,
+)
 from shapes import icosphere, small_model
 
 TIGHT = RigidPrior(0.02, 0.005)
@@ -46,9 +51,9 @@ def test_where_shapes_of_a_code_stand_is_learned():
 
 
 def test_the_tighter_the_more_freedom_costs():
-    tighter = cost_of_freedom(RigidPrior(0.01, 0.005))
-    assert tighter == pytest.approx(cost_of_freedom(TIGHT) + 6 * np.log(2))
-    assert cost_of_freedom(TIGHT) > cost_of_freedom(FREE) > 0
+    tighter = diffuse_prior_cost(RigidPrior(0.01, 0.005))
+    assert tighter == pytest.approx(diffuse_prior_cost(TIGHT) + 6 * np.log(2))
+    assert diffuse_prior_cost(TIGHT) > diffuse_prior_cost(DIFFUSE_PRIOR) > 0
 
 
 @pytest.fixture(scope="module")

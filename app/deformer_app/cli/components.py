@@ -31,7 +31,7 @@ def run(
     model_name: str,
     output: Path,
     top: int | None,
-    users: int,
+    extreme_count: int,
     turn: int,
     progress: Callable[[int, int], None],
 ) -> dict[str, Any]:
@@ -41,15 +41,15 @@ def run(
         model_name: name of a shipped model, or a path.
         output: directory, created if missing.
         top: number of components, the strongest first; None is all.
-        users: number of training shapes to name for each component.
+        extreme_count: number of training shapes to name for each component.
         turn: number of pictures of a turntable for each component; 0 writes none.
         progress: called with the pictures done and their number.
 
     Returns:
-        The table's rows, the sharing of activations, and the files.
+        The table's rows, the correlations of activations, and the files.
     """
     model = deformer.load_model(model_name)
-    analysis = ComponentAnalysis(model, users)
+    analysis = ComponentAnalysis(model, extreme_count)
     found = analysis.ranked(top)
     output.mkdir(parents=True, exist_ok=True)
     stems = [f"component-{c.index:02d}" for c in found]
@@ -67,7 +67,7 @@ def run(
         _turntables(analysis, found, up, turn, [output / f"{s}.gif" for s in stems], progress)
     rows = [asdict(c) for c in found]
     _save_table(output / "components.csv", rows)
-    result = {"model": model_name, "components": rows, "sharing": analysis.sharing}
+    result = {"model": model_name, "components": rows, "correlations": analysis.correlations}
     io.write_json(output / "components.json", console.plain(result))
     return {**result, "files": sorted(output.iterdir())}
 
@@ -134,14 +134,14 @@ def show(result: dict[str, Any]) -> None:
             str(c["support"]),
             f"{c['extent']:.2f}",
             str(c["centre"]),
-            f"{c['sharing']:+.2f} {c['partner']}" if c["partner"] >= 0 else "none",
-            " ".join(map(str, c["users"])),
+            f"{c['partner_correlation']:+.2f} {c['partner']}" if c["partner"] >= 0 else "none",
+            " ".join(map(str, c["extreme_shapes"])),
         ]
         for c in result["components"]
     ]
     console.show_table(
         f"Components of {result['model']}, the strongest first",
-        ["k", "strength", "motion", "support", "extent", "centre", "shares", "used by"],
+        ["k", "strength", "motion", "support", "extent", "centre", "correlation", "extreme in"],
         rows,
     )
     console.note(f"Wrote {len(result['files'])} files to {result['files'][0].parent}")
@@ -204,4 +204,4 @@ def _save_table(path: Path, rows: list[dict[str, Any]]) -> None:
         table = csv.DictWriter(f, rows[0].keys())
         table.writeheader()
         for row in rows:
-            table.writerow({**row, "users": " ".join(map(str, row["users"]))})
+            table.writerow({**row, "extreme_shapes": " ".join(map(str, row["extreme_shapes"]))})

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 import deformer
 from deformer import (
+    BlendSpace,
     DeformationModel,
     InputError,
     MeshSequence,
     Synthesis,
-    Way,
-    check_way,
+    check_blend_space,
     io,
     vertex_errors,
 )
@@ -185,7 +185,7 @@ def _loaded(model: DeformationModel, path: Path) -> NDArray:
     return mesh.vertices
 
 
-def _check(request: Request, ways: tuple[Way, ...]) -> None:
+def _check(request: Request, ways: tuple[BlendSpace, ...]) -> None:
     """Raise InputError, before any work, for options that exclude each other."""
     if request.random is not None and (request.weights or request.sweeps):
         raise InputError("synthesize: --random goes without --weights and --sweep; leave them out")
@@ -201,11 +201,11 @@ def _check(request: Request, ways: tuple[Way, ...]) -> None:
         raise InputError(f"{request.output}: names one mesh file; name a directory for many shapes")
 
 
-def _ways(text: str) -> tuple[Way, ...]:
+def _ways(text: str) -> tuple[BlendSpace, ...]:
     found = words(text) or ()
     for way in found:
-        check_way(way)
-    return cast(tuple[Way, ...], found)
+        check_blend_space(way)
+    return cast(tuple[BlendSpace, ...], found)
 
 
 def _weights(text: str) -> dict[int | str, float]:
@@ -252,7 +252,7 @@ def _sweeps(
     goal: DeformationModel,
     synthesis: Synthesis,
     weights: dict[int | str, float],
-    ways: tuple[Way, ...],
+    ways: tuple[BlendSpace, ...],
     progress: Progress,
 ) -> dict[str, Any]:
     """Write an NPZ and a GIF for every sweep and way, and one sheet with a row for each."""
