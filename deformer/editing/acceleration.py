@@ -1,4 +1,4 @@
-"""Squared accelerations of a sequence, and the banded systems that they lead to."""
+"""Squared accelerations of a sequence of unknowns, and the banded systems of their minimum."""
 
 from __future__ import annotations
 
@@ -7,17 +7,19 @@ from scipy.linalg import solveh_banded
 
 from deformer.geometry import FloatArray
 
-# A row of D: the second difference.
+# Coefficients of a second difference: a row of D.
 _SECOND = (1.0, -2.0, 1.0)
 
 
 class Roughness:
-    """Σ_f ‖x_{f−1} − 2 x_f + x_{f+1}‖² over m frames, with up to two fixed ones before them.
+    """Weighted sum Σ_f ‖x_{f−1} − 2 x_f + x_{f+1}‖² over m frames of n unknowns.
+
+    Up to two frames before the m are fixed; the second differences reach them, too.
 
     Args:
-        fixed: number of frames before.
-        count: m.
-        weight: factor.
+        fixed: number of fixed frames before, 0 to 2.
+        count: number of frames m.
+        weight: factor on the sum.
     """
 
     def __init__(self, fixed: int, count: int, weight: float) -> None:
@@ -32,12 +34,18 @@ class Roughness:
         self._fixed, self._weight = fixed, weight
 
     def energy(self, before: FloatArray, X: FloatArray, scale: FloatArray) -> float:
-        """Value for rows X (m, n) after `before`, columns weighted by scale (n,)."""
+        """The weighted sum, each unknown's accelerations multiplied by its scale.
+
+        Args:
+            before: (fixed, n) unknowns of the fixed frames.
+            X: (m, n) unknowns of the frames.
+            scale: (n,) factors on the squared accelerations.
+        """
         second = np.diff(np.concatenate([before, X]), 2, axis=0)
         return float(self._weight * (second**2 @ scale).sum())
 
     def half_gradient(self, before: FloatArray, X: FloatArray) -> FloatArray:
-        """Half the gradient (m, n) for scales of one."""
+        """Half the gradient (m, n) of the energy by X, for a scale of ones."""
         Y = np.concatenate([before, X])
         d = self._diagonals
         out = d[0][:, None] * Y
@@ -49,7 +57,20 @@ class Roughness:
     def solve(
         self, A: FloatArray, gradient: FloatArray, scale: FloatArray, damping: float
     ) -> FloatArray:
-        """Step (m, n): (blocks A (m, n, n), damped, plus this matrix)⁻¹ gradient (m, n)."""
+        """Solve (A + weight DᵀD, damped) x = gradient for all frames at once.
+
+        Args:
+            A: (m, n, n) symmetric blocks of the frames on the diagonal.
+            gradient: (m, n) right-hand side.
+            scale: (n,) factors on the squared accelerations.
+            damping: factor on the diagonal, which is multiplied by 1 + damping.
+
+        Returns:
+            x (m, n), by one banded Cholesky factorisation.
+
+        Raises:
+            numpy.linalg.LinAlgError: the matrix is not positive definite.
+        """
         m, n = gradient.shape
         d = self._diagonals[:, self._fixed :]
         # Lower band: row k holds the k-th subdiagonal; unknowns run frame by frame.

@@ -1,8 +1,9 @@
-"""From a latent code to all vertices within a frame.
+"""All vertices of a latent code, fast enough for each frame of a drag.
 
-Single precision. Vertices are in the order of the Laplacian's elimination, so that neighbours are
-near in memory and nothing is permuted between decoding and solving. The decoder's matrix is
-kept by blocks of 16 vertices, 16 bit a number, without the components that do not reach a block.
+Arrays are in single precision. Vertices are in the order in which the Laplacian's factor eliminates
+them: neighbours are near in memory, and nothing is permuted between decoding and solving. The
+decoder's matrix is stored by blocks of 16 vertices, 16 bits a number, without the components that
+do not reach a block.
 """
 
 from __future__ import annotations
@@ -31,17 +32,23 @@ from deformer.geometry import FloatArray, IntArray
 from deformer.linalg import CORES, over_ranges, ranges, run_calls, start_calls, wait_for
 from deformer.network import Decoder
 
-# Blocks below which a second thread does not pay.
+# Fewest blocks for a thread: a smaller share costs more to start than it saves.
 _SHARE = 128
 
 
 def schur_inverse(block: FloatArray) -> FloatArray:
-    """Inverse of [G_hh 1; 1ᵀ 0] (H+1, H+1) for the block G_hh (H, H) of the handles' rows.
+    """Inverse of the Schur complement [G_hh 1; 1ᵀ 0] of a system constrained at handles.
 
-    [μ; t] = inverse [q − p_h; 0] makes p + Gᵀμ + t the smallest change of p, in the energy whose
-    Green's functions G are, that meets the targets q: the Schur complement of the constrained
-    system with free translation. Where targets cannot all be met (coincident vertices) it is the
-    nearest.
+    With [μ; t] = inverse [q − p_h; 0], the positions p + Gᵀμ + t have the handles at the targets q
+    and change p least, measured by the energy whose Green's functions are the rows of G; the
+    translation t is free. If targets exclude each other (coincident vertices), the handles come as
+    near to them as possible.
+
+    Args:
+        block: G_hh (H, H), entries of the rows of H handles at these handles.
+
+    Returns:
+        The pseudoinverse (H+1, H+1), float64.
     """
     H = len(block)
     system = np.ones((H + 1, H + 1))
@@ -51,17 +58,18 @@ def schur_inverse(block: FloatArray) -> FloatArray:
 
 
 class DecodedSurface:
-    """All vertices of a model: decoded, solved for, and moved onto exact handles rigidly.
+    """Decodes a latent code to all vertices, and deforms that shape to reach exact handles.
 
     The rest shape x is the reconstruction from the gradients T of a latent code. Exact handles
-    deform it as rigidly as possible (Sorkine and Alexa 2007): every vertex has a rotation R_i,
-    fitted to its edges and kept from frame to frame. The global step solves L p = e with
-    e_i = Σ_j ½ c_ij (R_i + R_j)(x_i − x_j), and moves p by a sum of the handles' rows so that exact
-    handles are at their targets. Green's functions of L as rows keep the edges best; the smoother
-    `PoissonSystem.bending_rows` keep the bends, and handles leave no spikes.
+    deform it as rigidly as possible (Sorkine and Alexa, As-Rigid-As-Possible Surface Modeling,
+    2007, equations 8 and 9): every vertex has a rotation R_i, which the local step fits to its
+    edges, and which stays from frame to frame. The global step solves L p = e with
+    e_i = Σ_j ½ c_ij (R_i + R_j)(x_i − x_j), then adds to p a sum of rows, one an exact handle, that
+    brings the handles to their targets. Green's functions of L as rows change the edges least; the
+    smoother `PoissonSystem.bending_rows` change the bends least, and handles leave no spikes.
 
     Args:
-        decoder: of all vertices.
+        decoder: the model's decoder of all V vertices.
         system: the Poisson system of the same mesh.
     """
 
@@ -72,26 +80,26 @@ class DecodedSurface:
         order = self._factor.order
         V = len(order)
         self._blocks = -(-V // BLOCK)
-        # The last block is filled up with its last vertex.
+        # The last vertex is repeated to fill the last block.
         self._padded: IntArray = np.concatenate(
             [order, np.full(self._blocks * BLOCK - V, order[-1])]
         )
-        # Bounding diagonals are the unit of length: single precision has its range, too.
+        # Lengths are in bounding diagonals, so that no unit of the data leaves single precision.
         self._unit = system.reference.bounding_diagonal
         weights = sparse.csr_array(system.weights[order][:, order])
         weights.sort_indices()
         self._indptr = weights.indptr.astype(np.int64)
         self._rings = weights.indices.astype(np.int32)
-        self._halves = (0.5 * weights.data).astype(np.float32)
+        self._half_weights = (0.5 * weights.data).astype(np.float32)
         v = (system.reference.vertices[order] - system.centroid) / self._unit
         self._reference = v.astype(np.float32).ravel()
         self._store_decoder(decoder)
         self._T = np.zeros(9 * len(self._padded), dtype=np.float32)
         self._x = np.zeros((V, 3), dtype=np.float32)
         self._rest = np.zeros((V, 3), dtype=np.float32)
-        self._rested = False
+        self._has_rest_shape = False
         self._reset_rotations()
-        self._relaxing: list[Future[None]] = []
+        self._running: list[Future[None]] = []
         self._handles: IntArray = np.empty(0, dtype=np.int64)
         self._coefficients = np.empty((self._blocks, 0, VECTORS), dtype=np.float32)
         self._exact: IntArray = np.empty(0, dtype=np.int64)
@@ -99,16 +107,19 @@ class DecodedSurface:
         self._exact_inverse = np.zeros((1, 1))
 
     def copy(self) -> DecodedSurface:
-        """A surface of the same model and handles with gradients and positions of its own."""
+        """A surface of the same model and handles, with its own gradients and positions.
+
+        It has no exact handles, and its rotations are the identity.
+        """
         other = copy.copy(self)
         other._T, other._x, other._rest = self._T.copy(), self._x.copy(), self._rest.copy()
         other._reset_rotations()
-        other._relaxing = []
+        other._running = []
         other._exact, other._green = self._exact[:0], self._green[:0]
         return other
 
     def _store_decoder(self, decoder: Decoder) -> None:
-        """Store the decoder's matrix by blocks, in 16 bit, without components that are zero."""
+        """Store the decoder's matrix by blocks, 16 bits a number, without zero components."""
         K = decoder.components
         self._gain = np.repeat(decoder.gain, BLOCK).astype(np.float32)
         self._offset = np.repeat(decoder.offset, BLOCK).astype(np.float32)
@@ -132,7 +143,14 @@ class DecodedSurface:
         self._slices = np.concatenate([[0], np.cumsum(np.concatenate(counts))])
 
     def block_coefficients(self, coefficients: FloatArray) -> NDArray:
-        """`PoissonSystem.position_coefficients` (V, 3) of one handle, by blocks (·, 48) float32."""
+        """Coefficients of one handle's position in the layout that `decode` reads.
+
+        Args:
+            coefficients: (V, 3) of one handle, from `PoissonSystem.position_coefficients`.
+
+        Returns:
+            (B, 48) float32, a row for each of B blocks of vertices.
+        """
         blocks = np.empty((self._blocks, VECTORS), dtype=np.float32)
         over_ranges(
             coefficients_by_block,
@@ -145,20 +163,25 @@ class DecodedSurface:
         return blocks
 
     def set_handles_by_block(self, vertices: IntArray, blocked: list[NDArray]) -> None:
-        """Set the handles (H,), by `block_coefficients`, whose positions `decode` returns."""
+        """Set the handles whose positions `decode` returns.
+
+        Args:
+            vertices: (H,) int64.
+            blocked: `block_coefficients` of each.
+        """
         self._coefficients = _with_room(self._coefficients, 1, len(vertices), len(self._handles))
         for h in _changed(self._handles, vertices):
             self._coefficients[:, h] = blocked[h]
         self._handles = vertices
 
     def set_exact(self, vertices: IntArray, rows: list[NDArray], block: FloatArray) -> None:
-        """Set the exact vertices (H,), which `move_to_targets` moves to targets.
+        """Set the exact handles, which `move_to_targets` moves to targets.
 
         Args:
-            vertices: (H,).
-            rows: by which they move the rest, by `ordered`.
-            block: (H, H) of these rows at the vertices, in double precision: rows of vertices
-                side by side hardly differ.
+            vertices: (H,) int64.
+            rows: how a unit load at each handle moves all vertices: (V,) each, from `ordered`.
+            block: (H, H) entries of the rows at the handles, in double precision: the rows of
+                neighbouring vertices hardly differ.
         """
         changed = _changed(self._exact, vertices)
         if not changed and len(vertices) == len(self._exact):
@@ -170,7 +193,7 @@ class DecodedSurface:
         self._exact_inverse = schur_inverse(block)
 
     def ordered(self, green: FloatArray) -> NDArray:
-        """A Green row (V,) in the order of elimination, single precision."""
+        """A row (V,) of one entry a vertex, float32, in the order of elimination."""
         return green[self._factor.order].astype(np.float32)
 
     @property
@@ -189,18 +212,22 @@ class DecodedSurface:
         self._reset_rotations()
 
     def _reset_rotations(self) -> None:
-        """Set all rotations to the identity: quaternions by blocks, and their matrices."""
-        self._turned = False
-        still = np.repeat(np.array([1, 0, 0, 0], dtype=np.float32), BLOCK)
-        self._turn = np.tile(still, self._blocks)
+        """Set all rotations to the identity, both the quaternions and their matrices."""
+        self._has_rotations = False
+        identity = np.repeat(np.array([1, 0, 0, 0], dtype=np.float32), BLOCK)
+        self._quaternions = np.tile(identity, self._blocks)
         self._R = np.tile(np.eye(3, dtype=np.float32).ravel(), len(self._padded))
 
     def decode(self, z: FloatArray) -> FloatArray:
-        """Gradients of a latent code (K,); handle positions (H, 3) of its rest shape.
+        """Compute the deformation gradients of a latent code.
 
-        The positions are those of the free reconstruction, relative to its centroid.
+        Args:
+            z: (K,) latent code.
+
+        Returns:
+            Handle positions (H, 3) float64 of the rest shape, relative to its centroid.
         """
-        self._rested = False
+        self._has_rest_shape = False
         pieces = ranges(self._blocks, _SHARE)
         sums = np.zeros((len(pieces), VECTORS * len(self._handles)))
         frame = self._coefficients.ravel(), self._T
@@ -219,19 +246,24 @@ class DecodedSurface:
         return self._unit * sums.sum(axis=0).reshape(-1, 3, BLOCK).sum(axis=2)
 
     def write_rhs(self) -> None:
-        """Write the right-hand side into the positions: of the gradients, or of the rotations."""
+        """Write the right-hand side of the next Poisson solve into the positions.
+
+        It is that of the rest shape, from the gradients, or, once that is solved, that of the
+        global step, from the rotations.
+        """
         self._wait()
-        mesh = self._indptr, self._rings, self._halves
-        shape = (self._rest.ravel(), self._R) if self._rested else (self._reference, self._T)
+        mesh = self._indptr, self._rings, self._half_weights
+        reference, rest = (self._reference, self._T), (self._rest.ravel(), self._R)
+        shape = rest if self._has_rest_shape else reference
         over_ranges(rhs, len(self._x), *mesh, *shape, self._x.ravel())
 
     def solve(self) -> None:
-        """Positions from the gradients and rotations, up to a translation."""
-        if not self._rested:
+        """Compute the positions from the gradients and rotations, up to a translation."""
+        if not self._has_rest_shape:
             self._solve_sums()
             self._rest, self._x = self._x, self._rest
-            self._rested = True
-        if self._turned:
+            self._has_rest_shape = True
+        if self._has_rotations:
             self._solve_sums()
         else:
             self._x[:] = self._rest
@@ -241,9 +273,12 @@ class DecodedSurface:
         self._factor.solve_in_order(self._x)
 
     def move_to_targets(self, targets: FloatArray) -> None:
-        """Move the positions by the smallest change that brings exact handles to targets (H, 3).
+        """Move the positions by the smallest change that brings exact handles to their targets.
 
-        See `schur_inverse`. Without exact handles the centroid goes to the origin.
+        `schur_inverse` has the formula. Without exact handles the centroid moves to the origin.
+
+        Args:
+            targets: (H, 3) positions, before the rigid motion of `positions`.
         """
         H = len(self._exact)
         if H == 0:
@@ -257,7 +292,12 @@ class DecodedSurface:
         over_ranges(add_green_functions, len(self._x), *change, self._x)
 
     def positions(self, rotation: FloatArray, origin: FloatArray) -> FloatArray:
-        """Positions (V, 3) in the user's order, turned by `rotation` and moved to `origin`."""
+        """Positions (V, 3) float64 after a rigid motion, in the user's order and units.
+
+        Args:
+            rotation: (3, 3) about the origin.
+            origin: (3,) translation after it.
+        """
         out = np.empty((len(self._x), 3))
         where = self._unit * rotation, origin, self._x, out
         over_ranges(to_user_order, len(out), self._factor.order, *where)
@@ -266,28 +306,31 @@ class DecodedSurface:
     def relax(self, steps: int) -> None:
         """Local step: fit the rotations, vertex by vertex, to the edges of the positions.
 
-        It goes on after the call returns; whatever needs it waits.
+        The step runs in other threads after the call returns; methods that need it wait for it.
+
+        Args:
+            steps: Newton steps of each rotation.
         """
-        mesh = self._indptr, self._rings, self._halves
+        mesh = self._indptr, self._rings, self._half_weights
         shapes = self._rest.ravel(), self._x.ravel()
-        rest = *mesh, *shapes, self._R, self._turn, steps
-        self._turned = True
+        rest = *mesh, *shapes, self._R, self._quaternions, steps
+        self._has_rotations = True
         # One core is left to the caller.
         share = max(_SHARE, -(-self._blocks // max(1, CORES - 1)))
         calls = [(*piece, *rest) for piece in ranges(self._blocks, share)]
-        self._relaxing = start_calls(fit_rotations, calls)
+        self._running = start_calls(fit_rotations, calls)
 
     def _wait(self) -> None:
-        wait_for(self._relaxing)
-        self._relaxing = []
+        wait_for(self._running)
+        self._running = []
 
     @property
     def bytes_of_a_frame(self) -> int:
-        """Bytes that a frame reads and writes: matrix, coefficients, mesh, factor, result."""
+        """Bytes that a frame reads and writes: decoder, coefficients, mesh, factor, positions."""
         arrays = [self._coefficients[:, : len(self._handles)], self._green[: len(self._exact)]]
-        arrays += [self._rings, self._halves, self._reference, self._T]
+        arrays += [self._rings, self._half_weights, self._reference, self._T]
         if len(self._exact):
-            arrays += [self._rings, self._halves, self._rest, self._R, self._turn]
+            arrays += [self._rings, self._half_weights, self._rest, self._R, self._quaternions]
         if self._decoder.pointwise:
             arrays += [self._matrix, self._scale]
         out = 8 * 3 * len(self._x)
@@ -295,12 +338,15 @@ class DecodedSurface:
 
 
 def _changed(before: IntArray, now: IntArray) -> list[int]:
-    """Indices at which the vertex differs from before."""
+    """Indices h at which now[h] is not before[h], or beyond the end of `before`."""
     return [h for h, v in enumerate(now.tolist()) if h >= len(before) or before[h] != v]
 
 
 def _with_room(array: NDArray, axis: int, count: int, used: int) -> NDArray:
-    """The array itself, or a larger one with its first `used` entries, if `count` do not fit."""
+    """The array if it has room for `count` entries along an axis, else a larger copy.
+
+    The first `used` entries are copied; the size at least doubles.
+    """
     if array.shape[axis] >= count:
         return array
     shape = list(array.shape)

@@ -1,9 +1,10 @@
-"""A few vertices that stand for all: the decoder's Jacobian, at a fraction of the cost.
+"""Cubature: handle positions and their Jacobian from a few vertices, the landmarks.
 
-Deformation gradients vary smoothly and together, so vertices are grouped by how they react to the
-latent code. All vertices of a group get the deformation gradient of one landmark, and a handle's
-position Σ_i T_i a_h,i becomes a short sum over landmarks with the coefficients of each group added
-up. What that leaves out is measured exactly at the current code and added as an offset.
+Deformation gradients vary smoothly over the mesh, so vertices are grouped by how their gradients
+depend on the latent code. All vertices of a group have the deformation gradient of the group's
+landmark: a handle's position Σ_i T_i a_h,i becomes a short sum over landmarks, each with the sum of
+its group's coefficients. The error is measured at the current code and added as an offset
+(`CorrectedHandlePositions`).
 """
 
 from __future__ import annotations
@@ -14,26 +15,29 @@ from scipy import sparse
 from deformer.geometry import FloatArray, IntArray, farthest_rows
 from deformer.network import Decoder
 
-# Numbers that describe a vertex's derivative.
+# Length of the random projection that describes a vertex's derivative.
 _SKETCH = 12
-# Landmarks of larger meshes are chosen among this many random vertices.
+# Landmarks of a mesh with more vertices are chosen among this many random ones.
 _POOL = 20_000
 
 
 def choose_landmarks(
     decoder: Decoder, factor: FloatArray, positions: FloatArray, count: int, seed: int = 0
 ) -> tuple[IntArray, IntArray]:
-    """Landmark vertices (S,) and the landmark number (V,) that each vertex follows.
+    """Choose landmark vertices, and the landmark of each vertex.
 
-    Vertices are described by a random projection of their derivative with respect to the whitened
-    code, and faintly by their position; landmarks are farthest points of these descriptions.
+    A random projection of its derivative with respect to the whitened code describes a vertex,
+    together with its position; landmarks are farthest points of these descriptions.
 
     Args:
-        decoder: of all V vertices.
+        decoder: the model's decoder of all V vertices.
         factor: (K, K) Cholesky factor of the latent covariance.
         positions: (V, 3) reference vertices.
-        count: S; with V or more every vertex is its own landmark.
-        seed: of the projection.
+        count: number of landmarks S; with V or more every vertex is its own landmark.
+        seed: seed of the projection, and of the random choice in large meshes.
+
+    Returns:
+        Landmark vertices (S,) int64, and for each vertex (V,) the index 0…S − 1 of its landmark.
     """
     V = len(positions)
     if count >= V:
@@ -45,7 +49,7 @@ def choose_landmarks(
     sketch /= sketch.std() or 1.0
     spread = positions - positions.mean(axis=0)
     description = np.hstack([sketch, spread / (spread.std() or 1.0)]).astype(np.float32)
-    # Farthest points of a part keep the choice linear in V for large meshes.
+    # Farthest points among a bounded number of vertices: the cost is linear in V.
     pool = np.arange(V) if V <= _POOL else np.sort(rng.choice(V, _POOL, replace=False))
     chosen, labels = farthest_rows(description[pool], count)
     chosen = pool[chosen]
@@ -63,7 +67,7 @@ class Grouping:
     """Adds up per-vertex quantities over the groups of landmarks.
 
     Args:
-        labels: (V,) landmark number of every vertex.
+        labels: (V,) index of each vertex's landmark.
         count: number of landmarks S.
     """
 
@@ -74,5 +78,5 @@ class Grouping:
         self._sum = sparse.csr_array((np.ones(V), (labels, np.arange(V))), shape=(count, V))
 
     def sums(self, coefficients: FloatArray) -> FloatArray:
-        """Coefficients (H, V, 3) of vertices to coefficients (H, S, 3) of landmarks."""
+        """Coefficients (H, S, 3) of landmarks: sums of the groups' coefficients (H, V, 3)."""
         return np.array([self._sum @ a for a in coefficients]).reshape(len(coefficients), -1, 3)

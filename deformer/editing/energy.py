@@ -1,7 +1,8 @@
-"""The energy of a handle fit and its descent, over the unknowns x = (y, ω, t).
+"""The energy of a handle fit and its descent, over the unknowns x = (y, ω, t) of `Unknowns`.
 
-y is the whitened latent code, z = μ + L y with Σ = L Lᵀ; ω a rotation vector and t a translation
-in bounding diagonals, both of a rigid motion about the shape's centroid (`Unknowns`).
+y is the whitened latent code: z = μ + L y, with the prior's covariance Σ = L Lᵀ. The rotation
+vector ω (radians) and the translation t (bounding diagonals) are a rigid motion about the
+reference's centroid.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from deformer.model import (
 )
 
 _DAMPING = Damping(initial=1e-3, up=8.0, down=8.0, floor=1e-9, ceiling=1e8)
-# A step that gains less than this of an energy near zero ends a descent.
+# A step that lowers the energy by no more than this ends a descent: near an energy of zero the
+# relative gain need not become small.
 _ABSOLUTE_GAIN = 1e-9
 
 
@@ -33,27 +35,28 @@ _ABSOLUTE_GAIN = 1e-9
 class HandleEnergy:
     """Σ_h w_h ‖Q (p_h(z) + c(z)) + t − q_h‖² / (σ D)² + ‖y‖² + ‖b(z)‖² + m(ω, t).
 
-    p_h are handle positions relative to the shape's centroid, c is the centroid that shapes of the
-    code have (`RigidPrior.centroid`), Q = exp(ω), and b is what bends more than in any example
-    (`BendLimits.excess`).
+    p_h(z) are handle positions relative to the shape's centroid, c(z) is the centroid of shapes of
+    the code (`RigidPrior.centroid`), Q = exp(ω), and b(z) is the bending beyond that of every
+    example (`BendLimits.excess`).
 
-    The rigid motion costs m = min(‖ω‖²/s_ω² + ‖t‖²/s_t², ‖ω‖²/S_ω² + ‖t‖²/S_t² + cost): it is as
-    small as the training shapes' (deviations s of the rigid prior), or, at a cost, anything at all
-    (S). With a `freedom` it is ‖ω‖²/S_ω² + ‖t‖²/S_t² over freedom².
+    The rigid motion costs m = min(‖ω‖²/s_ω² + ‖t‖²/s_t², ‖ω‖²/S_ω² + ‖t‖²/S_t² + cost). In the
+    first term the standard deviations s are those of the training shapes (`RigidPrior`), in the
+    second S are those of `DIFFUSE_PRIOR`, and `diffuse_prior_cost` is the cost. With a `freedom`,
+    m = (‖ω‖²/S_ω² + ‖t‖²/S_t²) / freedom².
 
     Args:
-        prior: of the latent code, K dimensions.
-        factor: its Cholesky factor L (K, K).
-        centroid: (3,) of the reference.
+        prior: Gaussian N(μ, Σ) of the latent code, K dimensions.
+        factor: Cholesky factor L (K, K) of Σ.
+        centroid: (3,) centroid of the reference.
         diagonal: D, bounding diagonal of the reference.
-        noise: σ, in bounding diagonals.
-        rigid: whether ω and t are unknowns; otherwise they stay zero.
-        targets: q (H, 3).
-        weights: w (H,).
-        rigid_prior: s and c, or None where they are not known.
-        freedom: factor on the deviations S of the rigid motion; None is the minimum above.
-        rigid_term: the one of the minimum's terms that counts, 0 or 1; None is the minimum.
-        limits: of bends, or None where they are not known.
+        noise: σ, standard deviation of the targets, in bounding diagonals.
+        rigid: true if ω and t are unknowns; otherwise they stay zero.
+        targets: q (H, 3) positions of the handles.
+        weights: w (H,) positive factors.
+        rigid_prior: s and c; None for models without.
+        freedom: factor on the standard deviations S; None is the minimum above.
+        rigid_term: index of the only term of the minimum that counts, 0 or 1; None is the minimum.
+        limits: limits of bends; None for models without.
     """
 
     prior: LatentPrior
@@ -86,7 +89,7 @@ class HandleEnergy:
         )
 
     def by_rigid_term(self) -> list[HandleEnergy]:
-        """One energy for each term of the rigid motion's minimum; this is the least of them."""
+        """One energy for each term of the minimum m(ω, t); this energy is their minimum."""
         return [replace(self, rigid_term=term) for term in range(len(self._stiffnesses))]
 
     @property
@@ -134,26 +137,29 @@ class HandleEnergy:
         return self.centroid + self.diagonal * parts.translation + turned[..., 0]
 
     def centroid_offset(self, x: FloatArray) -> FloatArray:
-        """c(z) (..., 3): the centroid before the rigid motion, relative to the reference's."""
+        """c(z) (..., 3) of unknowns (..., K+6): the centroid before the rigid motion.
+
+        It is relative to the reference's centroid, in the data's units.
+        """
         if self.rigid_prior is None:
             return np.zeros((*x.shape[:-1], 3))
         return self.diagonal * self.rigid_prior.centroid(self.codes(x))
 
     @cached_property
     def centroid_jacobian(self) -> FloatArray:
-        """∂c/∂y (3, K): derivative of `centroid_offset` by the whitened code."""
+        """∂c/∂y (3, K): derivative of `centroid_offset` with respect to the whitened code."""
         if self.rigid_prior is None or self.rigid_prior.gain is None:
             return np.zeros((3, self.components))
         gain = self.diagonal * self.rigid_prior.gain @ self.factor
         return np.asarray(gain, dtype=np.float64)
 
     def move(self, x: FloatArray, p: FloatArray) -> FloatArray:
-        """Rigid motion of points (n, 3) given relative to the shape's centroid."""
+        """Points p (n, 3), relative to the shape's centroid, after the rigid motion of x (K+6,)."""
         Q, origin = self.rigid_motion(x)
         return p @ Q.T + origin
 
     def move_back(self, x: FloatArray, points: FloatArray) -> FloatArray:
-        """Inverse of `move`."""
+        """Points (n, 3) before the rigid motion of x (K+6,): the inverse of `move`."""
         Q, origin = self.rigid_motion(x)
         return (points - origin) @ Q
 
@@ -165,9 +171,13 @@ class HandleEnergy:
         return float((misfit**2).sum() + (stiffness * x**2).sum() + (excess**2).sum()) + cost
 
     def excess_bending(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """What bends more than any example, b (..., m), and ∂b/∂y (..., m, K).
+        """Bending b beyond that of every example, and its derivative ∂b/∂y.
 
-        Of unknowns (..., K+6); m counts the bends that are outside in any of them.
+        Args:
+            x: (..., K+6) unknowns.
+
+        Returns:
+            b (..., m) and ∂b/∂y (..., m, K), for the m bends that exceed their limits at any x.
         """
         if self.limits is None:
             return np.zeros((*x.shape[:-1], 0)), np.zeros((*x.shape[:-1], 0, self.components))
@@ -178,7 +188,12 @@ class HandleEnergy:
         return b, (b != 0)[..., None] * slope
 
     def translated_to_targets(self, x: FloatArray, p: FloatArray) -> FloatArray:
-        """x, translated so that the handles' weighted centroid is that of the targets."""
+        """Unknowns with the translation that brings the handles' weighted centroid to the targets'.
+
+        Args:
+            x: (K+6,) unknowns.
+            p: (H, 3) handle positions relative to the shape's centroid.
+        """
         if not self.rigid or len(p) == 0:
             return x
         w = self.weights / self.weights.sum()
@@ -194,17 +209,17 @@ class HandleEnergy:
         relative_gain: float = 1e-5,
         here: Evaluation | None = None,
     ) -> tuple[FloatArray, float, int]:
-        """Levenberg–Marquardt from x; the energy never rises.
+        """Minimise by Levenberg–Marquardt from x; the energy never rises.
 
         Args:
-            positions: of the handles, with their derivatives.
+            positions: handle positions as a function of the latent code.
             x: (K+6,) unknowns to start from.
-            steps: most steps.
-            relative_gain: a step that gains less of the energy ends the descent.
+            steps: largest number of steps.
+            relative_gain: a step that lowers the energy by a smaller share ends the descent.
             here: the evaluation of `positions` at x, if it is known.
 
         Returns:
-            x (K+6,), the energy there, and the steps taken.
+            Unknowns (K+6,), the energy there, and the number of steps taken.
         """
         here = positions.at(self.code(x)) if here is None else here
         found = descend(
@@ -217,7 +232,7 @@ class HandleEnergy:
         return found.point.x, found.point.energy, found.steps
 
     def stiffness(self, x: FloatArray) -> tuple[FloatArray, float]:
-        """Weights (K+6,) of the squared unknowns at x, and the cost of having these."""
+        """Weights (K+6,) of the squared unknowns at x, and the constant of the rigid term there."""
         motion = Unknowns(x).motion ** 2
         return min(
             self._stiffnesses, key=lambda entry: Unknowns(entry[0]).motion @ motion + entry[1]
@@ -225,7 +240,7 @@ class HandleEnergy:
 
     @cached_property
     def _stiffnesses(self) -> list[tuple[FloatArray, float]]:
-        """The terms of which `stiffness` takes the least."""
+        """Weights and constant of each term of the minimum m(ω, t)."""
         code = np.ones(self.components)
         if self.freedom is not None or self.rigid_prior is None:
             return [(np.concatenate([code, DIFFUSE_PRIOR.stiffness(self.freedom or 1.0)]), 0.0)]
@@ -245,7 +260,12 @@ class HandleEnergy:
         return self._row_weights()[:, None] * (self.move(x, p) - self.targets)
 
     def normal_equations(self, x: FloatArray, here: Evaluation) -> tuple[FloatArray, FloatArray]:
-        """Gauss–Newton matrix (n, n) and half the gradient (n,) of the active unknowns at x."""
+        """Gauss–Newton matrix (n, n) and half the gradient (n,) of the n active unknowns.
+
+        Args:
+            x: (K+6,) unknowns.
+            here: the handle positions at x.
+        """
         n, K = self.active, self.components
         J = self._jacobian(x, here.positions, here.derivative())[:, :n]
         misfit = self._misfit(x, here.positions).ravel()
@@ -259,21 +279,27 @@ class HandleEnergy:
         return H, gradient
 
     def posterior(self, x: FloatArray, here: Evaluation) -> FloatArray:
-        """Covariance (n, n) of the active unknowns given the handles: Laplace's approximation at x.
+        """Posterior covariance (n, n) of the active unknowns: Laplace's approximation at x.
 
         Args:
             x: (K+6,) unknowns.
-            here: the handle positions there.
+            here: the handle positions at x.
         """
         return np.asarray(np.linalg.inv(self.normal_equations(x, here)[0]), dtype=np.float64)
 
     def _jacobian(self, x: FloatArray, p: FloatArray, dp: FloatArray) -> FloatArray:
-        """Derivative (3H, K+6) of the misfit."""
+        """Derivative (3H, K+6) of the weighted misfit."""
         J = self.tangents(x, p, dp) * self._row_weights()[:, None, None]
         return J.reshape(3 * len(p), self.size)
 
     def tangents(self, x: FloatArray, p: FloatArray, dp: FloatArray) -> FloatArray:
-        """Derivative (H, 3, K+6) of moved points p (H, 3) with derivative dp (H, 3, K)."""
+        """Derivative (n, 3, K+6) of `move`.
+
+        Args:
+            x: (K+6,) unknowns.
+            p: (n, 3) points relative to the shape's centroid.
+            dp: (n, 3, K) derivative of p with respect to the latent code.
+        """
         omega = Unknowns(x).rotation
         Q = log_to_rotation(omega)
         J = Unknowns(np.empty((len(p), 3, self.size)))
@@ -289,9 +315,9 @@ class _Point:
 
     Args:
         function: the energy.
-        positions: of the handles.
+        positions: handle positions as a function of the latent code.
         x: (K+6,) unknowns.
-        here: the positions at x.
+        here: the handle positions at x.
     """
 
     def __init__(

@@ -1,6 +1,6 @@
-"""What handle positions are computed from: Green's functions, coefficients and landmarks.
+"""Green's functions of handle vertices, and the coefficients of handle positions.
 
-All of it is made once a model, or once a handle vertex; nothing depends on targets.
+They are computed once a model or once a handle vertex; none depends on targets.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from deformer.editing.handle_positions import DenseHandlePositions, HandlePositi
 from deformer.geometry import FloatArray, IntArray
 from deformer.model import DeformationModel
 
-# Cubature: vertices that stand for all while the latent code is searched.
+# Number of cubature's landmarks, whose gradients replace those of all vertices in a search.
 _LANDMARKS = 800
 
 
 @dataclass(frozen=True, eq=False)
 class _VertexRows:
-    """What is computed once for a handle's vertex.
+    """Arrays of one handle vertex.
 
     Args:
         green: (V,) Green's function G_h = L⁺ e_h.
-        landmark_coefficients: (S, 3).
-        block_coefficients: as `DecodedSurface.block_coefficients` gives them.
+        landmark_coefficients: (S, 3) coefficients of its position, summed over landmarks' groups.
+        block_coefficients: coefficients of its position, by `DecodedSurface.block_coefficients`.
     """
 
     green: FloatArray
@@ -41,12 +41,18 @@ class HandleBasis:
 
     Args:
         model: the prior.
+
+    Attributes:
+        surface: decodes codes to all vertices; it has the handles and exact handles set here.
+        vertices: (H,) int64 handle vertices.
+        landmark_decoder: the decoder of the S landmarks.
+        landmark_coefficients: (H, S, 3) coefficients of the handle positions by landmarks.
     """
 
     def __init__(self, model: DeformationModel) -> None:
         """Factor the Laplacian, choose landmarks; there are no handles yet."""
         self.model = model
-        # Factored now, and not when the first handle is made exact.
+        # The factorisation is done here so that the first exact handle need not wait for it.
         _ = model.poisson.screened_factor
         self.surface = DecodedSurface(model.decoder, model.poisson)
         landmarks, labels = choose_landmarks(
@@ -60,7 +66,7 @@ class HandleBasis:
         pointwise = self.landmark_decoder.pointwise
         self._landmark_blocks = BlockDecoder(self.landmark_decoder) if pointwise else None
         self._rows: dict[int, _VertexRows] = {}
-        # Bending rows of vertices that were exact once, also by `DecodedSurface.ordered`.
+        # Bending rows of vertices that are or were exact, in the user's order and in the surface's.
         self._bending_rows: dict[int, tuple[FloatArray, NDArray]] = {}
         self.vertices: IntArray = np.empty(0, dtype=np.int64)
         self._exact_positions: DenseHandlePositions | None = None
@@ -68,9 +74,12 @@ class HandleBasis:
         self.landmark_coefficients = np.empty((0, len(landmarks), 3))
 
     def set_vertices(self, vertices: list[int]) -> None:
-        """Make `vertices` (H,), all different, the handles; rows of vertices that stay are reused.
+        """Replace the handles; the rows of vertices that stay are reused.
 
-        Vertices that keep their index cost nothing.
+        A vertex that also keeps its index costs nothing.
+
+        Args:
+            vertices: (H,) vertex indices, all different.
         """
         poisson = self.model.poisson
         new = [v for v in vertices if v not in self._rows]
@@ -94,18 +103,23 @@ class HandleBasis:
         )
 
     def green_rows(self, vertices: IntArray) -> FloatArray:
-        """Green rows (n, V) of handle vertices (n,)."""
+        """Green's functions (n, V) of handle vertices (n,)."""
         rows = [self._rows[v].green for v in vertices.tolist()]
         return np.array(rows).reshape(len(rows), len(self.model.reference.vertices))
 
     def set_exact(self, vertices: IntArray, surface: DecodedSurface | None = None) -> None:
-        """Make the handle vertices (n,) exact on a surface: the basis's own, or a copy of it."""
+        """Choose the exact handles of a surface.
+
+        Args:
+            vertices: (n,) int64, all of them handle vertices.
+            surface: `surface` or a copy of it; None is `surface`.
+        """
         block = self.bending_rows(vertices)[:, vertices]
         rows = [self._bending_rows[v][1] for v in vertices.tolist()]
         (surface or self.surface).set_exact(vertices, rows, block)
 
     def bending_rows(self, vertices: IntArray) -> FloatArray:
-        """Rows (n, V) by which handle vertices (n,) move the rest when they are exact."""
+        """`PoissonSystem.bending_rows` (n, V), by which exact handles (n,) move all vertices."""
         new = np.array(
             [v for v in vertices.tolist() if v not in self._bending_rows], dtype=np.int64
         )
@@ -116,7 +130,7 @@ class HandleBasis:
         return np.array(found).reshape(len(found), len(self.model.reference.vertices))
 
     def landmark_positions(self) -> HandlePositions:
-        """Positions of the handles by landmarks: fast, and inexact by what landmarks leave out."""
+        """Handle positions by landmarks: fast, with the error of cubature."""
         if self._landmark_positions is None:
             if self._landmark_blocks is None:
                 self._landmark_positions = DenseHandlePositions(
@@ -129,7 +143,7 @@ class HandleBasis:
         return self._landmark_positions
 
     def exact_positions(self) -> DenseHandlePositions:
-        """Positions of the handles by all vertices."""
+        """Handle positions by all vertices."""
         if self._exact_positions is None:
             coefficients = self.model.poisson.position_coefficients(self.green_rows(self.vertices))
             self._exact_positions = DenseHandlePositions(

@@ -18,12 +18,12 @@ class HandlePositions(Protocol):
     """Handle positions as a function of the latent code, relative to the shape's centroid."""
 
     def at(self, z: FloatArray) -> Evaluation:
-        """Positions, and their derivative if it is asked for."""
+        """Evaluate at a latent code z (K,); the derivative is computed when it is asked for."""
         ...
 
 
 class Evaluation(Protocol):
-    """Handle positions at one latent code."""
+    """Handle positions (H, 3) at one latent code, relative to the shape's centroid."""
 
     positions: FloatArray
 
@@ -36,19 +36,19 @@ class DenseHandlePositions:
     """Handle positions Σ_i T_i(z) a_h,i over a decoder's vertices.
 
     Args:
-        decoder: of n vertices.
-        coefficients: (H, n, 3).
-        fast: work in single precision.
+        decoder: decoder of n vertices.
+        coefficients: (H, n, 3) coefficients a_h,i.
+        fast: true to compute in single precision.
     """
 
     def __init__(self, decoder: Decoder, coefficients: FloatArray, fast: bool = False) -> None:
-        """Keep the coefficients in both precisions."""
+        """Store the coefficients in both precisions."""
         self.decoder, self.coefficients = decoder, coefficients
         self.fast = fast
         self.single_coefficients = coefficients.astype(np.float32)
 
     def at(self, z: FloatArray) -> DenseEvaluation:
-        """Positions, and their derivative if it is asked for."""
+        """Evaluate at a latent code z (K,); the derivative is computed when it is asked for."""
         return DenseEvaluation(self, z)
 
 
@@ -76,20 +76,20 @@ class DenseEvaluation:
 
 
 class CorrectedHandlePositions:
-    """Handle positions by landmarks, and what those leave out: p(z) + correction z + offset.
+    """Handle positions p(z) by landmarks with a linear correction: p(z) + correction z + offset.
 
     Args:
-        landmarks: positions p (H, 3) by landmarks alone.
-        correction: (H, 3, K) what landmarks leave out of the derivative, or None.
+        landmarks: positions p (H, 3) by landmarks.
+        correction: (H, 3, K) derivative by all vertices minus that by landmarks; None is zero.
     """
 
     def __init__(self, landmarks: HandlePositions, correction: FloatArray | None = None) -> None:
-        """Begin without an offset."""
+        """Start with an offset of zero."""
         self._landmarks, self._correction = landmarks, correction
         self._offset: FloatArray | float = 0.0
 
     def at(self, z: FloatArray) -> CorrectedEvaluation:
-        """Positions, and their derivative if it is asked for."""
+        """Evaluate at a latent code z (K,); the derivative is computed when it is asked for."""
         return CorrectedEvaluation(self._landmarks.at(z), z, self._correction, self._offset)
 
     def match(self, z: FloatArray, p: FloatArray) -> CorrectedEvaluation:

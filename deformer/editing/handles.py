@@ -1,4 +1,4 @@
-"""What is asked of a pose, and a pose."""
+"""Handles, which ask for positions of vertices, and the pose that a solver finds for them."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ class Handle:
     """A vertex that the user controls.
 
     Args:
-        vertex: index.
-        target: (3,) position asked for.
-        weight: factor on its squared distance; 1 is a normal handle.
-        hard: meet the target exactly.
+        vertex: index of the vertex.
+        target: (3,) its target position, in the data's units.
+        weight: factor on its squared distance from the target.
+        hard: true if the vertex is at the target exactly.
     """
 
     vertex: int
@@ -31,18 +31,18 @@ class Handle:
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """A solution.
+    """The solution of a handle fit. Lengths are in the data's units, arrays float64.
 
     Args:
         vertices: (V, 3) positions.
         z: (K,) latent code.
-        rotation: (3,) rotation vector of the rigid motion, about the reference's centroid.
-        translation: (3,) of the rigid motion.
+        rotation: (3,) rotation vector of the rigid motion about the reference's centroid, radians.
+        translation: (3,) translation of the rigid motion.
         residual: (H,) distances from handle to target, in the order of the handles.
-        iterations: Gauss–Newton steps taken, all starts together.
+        iterations: Gauss–Newton steps taken, summed over all starts.
         milliseconds: time of the solve.
-        prior_distance: Mahalanobis distance of z from the training codes' mean.
-        energy: minimised value.
+        prior_distance: Mahalanobis distance of z from the prior's mean.
+        energy: value of `HandleEnergy` at the solution.
     """
 
     vertices: FloatArray
@@ -63,10 +63,21 @@ def check_handles(
     weights: ArrayLike | None,
     hard: ArrayLike,
 ) -> tuple[IntArray, FloatArray, FloatArray, NDArray[np.bool_]]:
-    """Handles as arrays: vertices (H,), targets (H, 3), weights (H,), hard (H,).
+    """Check handles and return them as arrays.
+
+    Args:
+        model: the model whose vertices they are.
+        vertices: (H,) vertex indices.
+        targets: (H, 3) positions.
+        weights: (H,) positive factors, or None for ones.
+        hard: one for all, or (H,): true for exact handles.
+
+    Returns:
+        Vertices (H,) integers, targets (H, 3) float64, weights (H,) float64, hard (H,) bool.
 
     Raises:
-        InputError: an index out of range, a target that is not finite, lengths that differ.
+        InputError: an index out of range, a target that is not finite, a weight that is not
+            positive, or lengths that differ.
     """
     index, goals = np.asarray(vertices), np.asarray(targets, dtype=np.float64)
     if index.size == 0:

@@ -24,14 +24,14 @@ ROW1, ROW2, ROW3, ROW4, ROW5, ROW6, ROW7, ROW8 = (BLOCK * row for row in range(1
 # Constants as single precision: a double one would turn whole loops into double precision.
 _0, _1, _2, _HALF, _QUARTER = (np.float32(x) for x in (0, 1, 2, 0.5, 0.25))
 _9, _TINY = np.float32(9), np.float32(1e-30)
-# Of Newton steps of rotations, against their scale: what single precision cannot tell from zero.
+# Added to the diagonal of a rotation's scaled Newton matrix: about its rounding error.
 DAMPING = np.float32(1e-5)
-# Tangent of half the largest angle of one such step.
+# Tangent of half the largest angle of one Newton step.
 LARGEST_STEP = np.float32(0.6)
 _TURN = np.float32(2 * math.pi)
 _PER_TURN = np.float32(0.5 / math.pi)
-# Over-relaxation: local steps go this much further than their optimum, and rounds of local and
-# global steps converge in about half as many. From 2 on they would diverge.
+# Over-relaxation: local steps go beyond their optimum by this factor, and local and global steps
+# converge in about half as many rounds. From 2 on they would diverge.
 OVER_RELAXATION = np.float32(1.5)
 # tanh y as a continued fraction of seven terms, multiplied out: exact to 1e-8 up to y = 2.25.
 _N0, _N1, _N2, _N3 = (np.float32(x / 135135) for x in (135135, 17325, 378, 1))
@@ -45,15 +45,15 @@ _C1, _C2, _C3, _C4, _C5, _C6, _C7 = _C[1:]
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def memory_():
-    """Memory of a kernel, 32 blocks (32, 144); one function, since each `np.empty` is compiled."""
+    """Scratch memory of a kernel, 32 blocks (32, 144); shared, as each `np.empty` is compiled."""
     return np.empty((32, MATRICES), dtype=np.float32)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def gradients(q, T):
-    """T (144,) = exp(r) S of features q (144,).
+    """T (144,) = exp(r) S of a block's features q (144,).
 
-    The rotation vector is brought within half a turn, then becomes a quaternion.
+    Whole turns are subtracted from the rotation vector before it is converted to a quaternion.
     """
     for n in range(BLOCK):
         rx, ry, rz = q[n], q[ROW1 + n], q[ROW2 + n]
@@ -85,7 +85,7 @@ def gradients(q, T):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def coefficients_by_block(start, stop, order, coefficients, scale, out):
-    """Blocks out (·, 48) of coefficients (V, 3) times scale; zeros fill up the last one."""
+    """Blocks out (·, 48) of coefficients (V, 3) times scale; zeros fill the last block."""
     for B in range(start, stop):
         for n in range(BLOCK):
             i = BLOCK * B + n
@@ -95,7 +95,7 @@ def coefficients_by_block(start, stop, order, coefficients, scale, out):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def add_positions(t, coefficients, offset, sums):
-    """sums (48 H,) += T a of a block's gradients t (144,), each vertex of the block for itself.
+    """sums (48 H,) += T a of a block's gradients t (144,), one sum for each vertex.
 
     The coefficients a of H handles begin at coefficients[offset].
     """
@@ -120,16 +120,16 @@ def _store_by_vertex(t, B, T):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def gradients_and_positions(start, stop, q, coefficients, T, sums):
-    """Gradients T (9 a vertex) of blocks with features q (·, 144).
+    """Gradients T (9 a vertex) of blocks with features q (·, 144), and their handle positions.
 
-    The products T_i a_h,i with the coefficients of H handles are added to sums (48 H,), each vertex
-    of a block for itself.
+    The products T_i a_h,i with the coefficients of H handles are added to sums (48 H,), one sum for
+    each of a block's 16 vertices.
     """
     # `add_positions` and `_store_by_vertex`, written out: in a function of its own the compiler
     # does not know that t overlaps no other array, and the decoding takes 1.4 times as long.
     t = np.empty(MATRICES, dtype=np.float32)
     H = len(sums) // VECTORS
-    # There may be room for more handles than there are.
+    # The coefficients may have room for more handles than there are.
     stride = len(coefficients) // (len(T) // MATRICES)
     for B in range(start, stop):
         gradients(q[B - start], t)
@@ -179,7 +179,7 @@ def decode(start, stop, layer, q):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def decode_to_positions(start, stop, layer, coefficients, T, sums):
-    """`decode`, then `gradients_and_positions`, of few blocks at once, which stay in the cache."""
+    """`decode`, then `gradients_and_positions`, of 32 blocks at a time, which stay in the cache."""
     q = memory_()
     for B in range(start, stop, len(q)):
         end = min(B + len(q), stop)
@@ -189,10 +189,10 @@ def decode_to_positions(start, stop, layer, coefficients, T, sums):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def rhs(start, stop, indptr, rings, halves, x, T, b):
-    """b_i = Σ_j ½ c_ij (T_i + T_j)(x_i − x_j) with halves ½ c_ij; flat T, x and b.
+    """b_i = Σ_j ½ c_ij (T_i + T_j)(x_i − x_j) with halves ½ c_ij; T, x and b are flat.
 
-    The single-precision version of `geometry.rhs_`, for gradients of the reference x and for
-    rotations of a shape at rest x alike.
+    The single-precision version of `geometry.rhs_`. T are deformation gradients of the reference x,
+    or rotations of a rest shape x.
     """
     for i in range(start, stop):
         o = 9 * i
@@ -216,10 +216,10 @@ def rhs(start, stop, indptr, rings, halves, x, T, b):
 def fit_step(A, D):
     """One step of quaternions D (64,) towards the rotations closest to A (144,).
 
-    Newton's, (tr M − M) ω = axial M with the symmetric part of M = R Aᵀ, and where that is not
-    definite, far from the maximum, the fixed-point iteration of Müller et al. (A Robust Method to
-    Extract the Rotational Part of Deformations, 2016). Neither needs a decomposition, and both
-    hold for flat rings, whose A is singular.
+    It is Newton's step, (tr M − M) ω = axial M with the symmetric part of M = R Aᵀ. Where that
+    matrix is not definite, far from the maximum, it is the fixed-point iteration of Müller et al.
+    (A Robust Method to Extract the Rotational Part of Deformations, 2016). Neither needs a
+    decomposition, and both work for flat one-rings, whose A is singular.
     """
     for n in range(BLOCK):
         a, b, c, d = D[n], D[ROW1 + n], D[ROW2 + n], D[ROW3 + n]
@@ -238,7 +238,7 @@ def fit_step(A, D):
         M02, M20 = R00 * A20 + R01 * A21 + R02 * A22, R20 * A00 + R21 * A01 + R22 * A02
         M12, M21 = R10 * A20 + R11 * A21 + R12 * A22, R20 * A10 + R21 * A11 + R22 * A12
         u, v, w = M12 - M21, M20 - M02, M01 - M10
-        # A near-zero trace (a ring turned by 90° or collapsed) must not spin wildly.
+        # The trace may be near zero (a one-ring turned by 90°, or collapsed): steps stay bounded.
         scale = max(abs(M00 + M11 + M22), math.sqrt(u * u + v * v + w * w)) + _TINY
         scale = _1 / scale
         u, v, w = scale * u, scale * v, scale * w
@@ -246,7 +246,7 @@ def fit_step(A, D):
         zz = scale * (M00 + M11) + DAMPING
         xy, xz = -_HALF * scale * (M01 + M10), -_HALF * scale * (M02 + M20)
         yz = -_HALF * scale * (M12 + M21)
-        # By the adjugate; its minors tell whether the matrix is definite.
+        # The inverse is the adjugate over det; the minors show whether the matrix is definite.
         c00, c01, c02 = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
         c11, c12, c22 = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
         det = xx * c00 + xy * c01 + xz * c02
@@ -255,7 +255,7 @@ def fit_step(A, D):
         x = f * (c00 * u + c01 * v + c02 * w) if newton else f * u
         y = f * (c01 * u + c11 * v + c12 * w) if newton else f * v
         z = f * (c02 * u + c12 * v + c22 * w) if newton else f * w
-        # Not further than the quadratic model can be trusted.
+        # The quadratic model is good for steps up to LARGEST_STEP.
         f = min(_1, LARGEST_STEP / math.sqrt(x * x + y * y + z * z + _TINY))
         x, y, z = f * x, f * y, f * z
         e, f = a - x * b - y * c - z * d, b + x * a + y * d - z * c
@@ -266,9 +266,9 @@ def fit_step(A, D):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _compose(D, q):
-    """Quaternions q (64,) ← D q, with D (64,) over-relaxed first.
+    """Quaternions q (64,) ← D q, after over-relaxation of D (64,).
 
-    Half-angle tangents grow by OVER_RELAXATION.
+    It multiplies the tangents of D's half angles by OVER_RELAXATION.
     """
     for n in range(BLOCK):
         a, b = D[n], OVER_RELAXATION * D[ROW1 + n]
@@ -308,10 +308,10 @@ def _times_transposed(B, T, A):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def fit_rotations(start, stop, indptr, rings, halves, x, p, R, turn, steps):
-    """Local step of blocks: rotations R, and their quaternions, turned to fit the edges of p.
+    """Local step of blocks: fit rotations R, and their quaternions `turn`, to the edges of p.
 
-    By the rotation D = argmax tr(Dᵀ A), A_i = Σ_j c_ij (p_i − p_j) (R_i (x_i − x_j))ᵀ, with the
-    shape at rest x (Sorkine and Alexa, As-Rigid-As-Possible Surface Modeling, 2007).
+    R_i becomes D R_i with D = argmax tr(Dᵀ A_i), A_i = Σ_j c_ij (p_i − p_j) (R_i (x_i − x_j))ᵀ and
+    the rest shape x (Sorkine and Alexa, As-Rigid-As-Possible Surface Modeling, 2007, equation 6).
     """
     memory = memory_()
     A, D, q, B, r = memory[0], memory[1], memory[2], memory[3], memory[4]

@@ -1,7 +1,7 @@
-"""What the handles leave open, and where one more handle would tell most.
+"""Posterior variance of the vertices given the handles, and where a further handle reduces it most.
 
-The posterior of a handle fit is taken as Gaussian about the solution (Laplace's approximation)
-and pushed through the derivative of all vertex positions.
+The posterior of a handle fit is approximated by a Gaussian about the solution (Laplace's
+approximation); the derivative of the vertex positions maps its covariance to the vertices.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from deformer.geometry import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """What the handles of a solver leave open.
+    """Uncertainty of the vertex positions given the handles of a solver.
 
     Args:
-        deviation: (V,) standard deviation of each vertex's position, in the data's own units (the
-            root of the summed variances of x, y and z).
-        gain: (V,) the share of the variance of all vertices together that a handle at the vertex
-            would take away, 0 to 1.
+        deviation: (V,) float64 standard deviation of each vertex's position, in the data's own
+            units: the root of the summed variances of x, y and z.
+        gain: (V,) float64 share, 0 to 1, by which one more handle at the vertex would reduce the
+            summed variance of all vertices.
     """
 
     deviation: FloatArray
@@ -31,17 +31,20 @@ class Uncertainty:
 
     @property
     def suggestion(self) -> int:
-        """The vertex where one more handle of weight 1 would tell most."""
+        """The vertex where one more handle of weight 1 reduces the summed variance most."""
         return int(self.gain.argmax())
 
 
 def uncertainty(solver: HandleSolver) -> Uncertainty:
     """Uncertainty of all vertices at a solver's last solution.
 
-    With unknowns' covariance P = U Uᵀ, vertex derivatives Y_v = J_v U and G = Σ_v Y_vᵀ Y_v, the
-    variance of v is tr(Y_v Y_vᵀ), and a handle there with noise s takes
-    tr((Y_v Y_vᵀ + s² I)⁻¹ Y_v G Y_vᵀ) of tr(G) away (Cohn, Ghahramani and Jordan, Active Learning
-    with Statistical Models, 1996). Memory is O(V K).
+    Let P = U Uᵀ be the posterior covariance of the unknowns, J_v the derivative of vertex v,
+    Y_v = J_v U and G = Σ_v Y_vᵀ Y_v. The variance of v is tr(Y_v Y_vᵀ), and a handle at v with
+    noise s reduces the summed variance tr(G) by tr((Y_v Y_vᵀ + s² I)⁻¹ Y_v G Y_vᵀ) (Cohn,
+    Ghahramani and Jordan, Active Learning with Statistical Models, 1996). Memory is O(V K).
+
+    Args:
+        solver: a solver with a solution.
 
     Raises:
         InputError: nothing has been solved yet.
@@ -61,6 +64,8 @@ def uncertainty(solver: HandleSolver) -> Uncertainty:
     G = flat.T @ flat
     variance = Y @ Y.transpose(0, 2, 1)
     noise = (energy.noise * energy.diagonal) ** 2
-    taken = np.linalg.solve(variance + noise * np.eye(3), (Y @ G) @ Y.transpose(0, 2, 1))
+    reduction = np.linalg.solve(variance + noise * np.eye(3), (Y @ G) @ Y.transpose(0, 2, 1))
     total = max(float(np.trace(G)), np.finfo(float).tiny)
-    return Uncertainty(np.sqrt(np.einsum("vii->v", variance)), np.einsum("vii->v", taken) / total)
+    return Uncertainty(
+        np.sqrt(np.einsum("vii->v", variance)), np.einsum("vii->v", reduction) / total
+    )

@@ -1,7 +1,7 @@
-"""From handle targets to unknowns: several starts, one frame of a drag, and the exact minimum.
+"""Minimises the energy of a handle fit: from several starts, or for one frame of a drag.
 
-The latent code is searched with the handle positions of a few landmark vertices; all vertices then
-tell the exact energy, and their derivative corrects the landmarks near the minimum.
+Descents use handle positions by a few landmark vertices (cubature). All vertices then give the
+exact energy, and near the minimum their derivative corrects that of the landmarks.
 """
 
 from __future__ import annotations
@@ -17,34 +17,34 @@ from deformer.editing.unknowns import MOTION, Unknowns
 from deformer.geometry import FloatArray, spread
 from deformer.model import LatentPrior
 
-# Cold solves try this many of the training codes (spread over the latent space), descend from the
-# mean and the most promising few, and finish the best ones exactly.
+# A cold solve evaluates _CANDIDATES training codes spread over the latent space, descends from the
+# prior's mean and the _STARTS codes of least energy, and refines the _FINISHED lowest results.
 _CANDIDATES = 32
 _STARTS = 3
 _START_STEPS = 40
 _FINISHED = 2
 # A frame of a drag: steps, the relative gain that ends them, and how far (relative, and in units
-# of the energy) the exact energy may lie above the one that the landmarks promised.
+# of the energy) the exact energy may lie above the landmarks' estimate.
 _FRAME_STEPS = 4
 _FRAME_GAIN = 5e-2
-_PROMISE_TOLERANCE = 0.05
-# With unchanged targets, and to finish a cold solve: steps between two derivatives by all vertices,
-# the relative gain that ends them, and how often at most a cold solve takes that derivative.
+_ESTIMATE_TOLERANCE = 0.05
+# Refinement (of a cold solve, or of a frame with unchanged targets): steps with one derivative by
+# all vertices, the relative gain that ends them, and the most such derivatives of a cold solve.
 _FINAL_STEPS = 40
 _FINAL_GAIN = 1e-8
 _REFINEMENTS = 10
-# Shares of a refining step that are tried until one lowers the exact energy.
+# Shares of a refining step, tried in turn until one lowers the exact energy.
 _SHARES = (1.0, 0.3, 0.1, 0.03)
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Unknowns with the exact handle positions and their energy.
+    """Unknowns with their exact handle positions and energy.
 
     Args:
         x: (K+6,) unknowns.
         p: (H, 3) handle positions by all vertices, relative to the shape's centroid.
-        energy: at x.
+        energy: energy at x.
     """
 
     x: FloatArray
@@ -54,7 +54,7 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class _Correction:
-    """What landmarks leave out of the derivative (H, 3, K), measured at unknowns x (K+6,)."""
+    """Error of the landmarks' derivative at unknowns x (K+6,): (H, 3, K), to be added to it."""
 
     x: FloatArray
     derivative: FloatArray
@@ -62,29 +62,30 @@ class _Correction:
 
 @dataclass(eq=False)
 class _Cache:
-    """What one solve leaves for the next.
+    """Results of one solve that the next one reuses.
 
     Args:
         x: (K+6,) unknowns of the last solution.
-        state: the same with the positions of the current handles; None when handle vertices have
-            changed since.
+        state: these unknowns with the positions of the present handles; None after the handle
+            vertices have changed.
         decoded: the state whose deformation gradients the surface has.
-        correction: of the landmarks' derivative.
-        asked: targets and weights of the last solve.
+        correction: correction of the landmarks' derivative.
+        solved_for: targets and weights of the last solve.
     """
 
     x: FloatArray | None = None
     state: State | None = None
     decoded: State | None = None
     correction: _Correction | None = None
-    asked: tuple[FloatArray, FloatArray] | None = None
+    solved_for: tuple[FloatArray, FloatArray] | None = None
 
     def invalidate(self, *, vertices: bool = False) -> None:
-        """Forget what depends on the energy's form; with `vertices`, on the handles' vertices too.
+        """Drop the results that a changed energy invalidates; the unknowns x stay.
 
-        The last solution's unknowns stay.
+        Args:
+            vertices: true if the handle vertices have changed, too.
         """
-        self.correction = self.asked = None
+        self.correction = self.solved_for = None
         if vertices:
             self.state = None
 
@@ -93,9 +94,9 @@ class CodeSearch:
     """Minimises a handle energy over the latent code and the rigid motion.
 
     Args:
-        energy: without handles.
-        basis: of the model's handles; its surface holds the gradients of the last code decoded.
-        codes: (N, K) training codes, of which a cold search tries some.
+        energy: energy of the model without handles.
+        basis: the model's handles; its surface has the gradients of the last code decoded.
+        codes: (N, K) training codes, some of which are starts of a cold search.
     """
 
     def __init__(self, energy: HandleEnergy, basis: HandleBasis, codes: FloatArray) -> None:
@@ -113,23 +114,23 @@ class CodeSearch:
 
     @property
     def solution(self) -> FloatArray | None:
-        """Unknowns (K+6,) of the last solution; None before any."""
+        """Unknowns (K+6,) of the last solution; None before the first."""
         return self._cache.x
 
     def set_targets(self, targets: FloatArray, weights: FloatArray) -> None:
-        """Targets (H, 3) and weights (H,) of the basis's handles."""
+        """Set the targets (H, 3) and weights (H,) of the basis's handles."""
         self.energy = replace(self.energy, targets=targets, weights=weights)
 
     def vertices_changed(self) -> None:
-        """To be called after the basis got other handle vertices."""
+        """Drop what depends on the handle vertices; to be called after the basis's have changed."""
         self._cache.invalidate(vertices=True)
 
     def set_prior(self, energy: HandleEnergy, mean: FloatArray | None) -> None:
         """Change the energy's parameters; the last solution keeps its code and rigid motion.
 
         Args:
-            energy: the new one, without a change of its mean.
-            mean: (K,) of the prior, or None to leave it.
+            energy: the new energy; its prior has the old mean.
+            mean: (K,) new mean of the prior, or None to keep the old one.
         """
         before, cache = self.energy, self._cache
         self.energy = energy
@@ -144,25 +145,25 @@ class CodeSearch:
         if cache.state is not None:
             p = cache.state.p
             state = State(cache.x, p, self.energy.value(cache.x, p))
-            # The code is the same, so the surface's gradients are.
+            # The code has not changed, so the surface's gradients are still those of the state.
             cache.decoded = state if cache.decoded is cache.state else None
             cache.state = state
 
     def evaluate(self, x: FloatArray) -> State:
-        """Decode all vertices at unknowns x (K+6,) for their exact energy."""
+        """State of unknowns x (K+6,): decodes all vertices for the exact energy."""
         p = self._basis.surface.decode(self.energy.code(x))
         state = State(x, p, self.energy.value(x, p))
         self._cache.decoded = state
         return state
 
     def decode(self, state: State) -> None:
-        """Let the surface have the deformation gradients of a state."""
+        """Give the surface the deformation gradients of a state."""
         if self._cache.decoded is not state:
             self._basis.surface.decode(self.energy.code(state.x))
             self._cache.decoded = state
 
     def restart(self, x: FloatArray) -> State:
-        """Make x (K+6,) the last solution, as if nothing had been solved before."""
+        """Make x (K+6,) the last solution, independent of what was solved before."""
         self._cache.invalidate()
         return self._keep(self.evaluate(x))
 
@@ -171,9 +172,12 @@ class CodeSearch:
         return state
 
     def cold(self) -> tuple[State, int]:
-        """The best of several starts, whatever was solved before; and the steps taken.
+        """Minimise from several starts, independent of what was solved before.
 
-        The starts descend by landmarks; the two best are finished with all vertices.
+        Each start descends by landmarks; the two lowest results are refined with all vertices.
+
+        Returns:
+            The state of least energy, and the steps taken.
         """
         cache = self._cache
         self._targets_unchanged()
@@ -202,9 +206,9 @@ class CodeSearch:
         return self._keep(state), steps
 
     def warm(self) -> tuple[State, int]:
-        """One frame from the last solution: descend by landmarks, then look at all vertices.
+        """One frame: descend by landmarks from the last solution, then evaluate all vertices.
 
-        With the targets and weights of the last solve it goes on towards the exact minimum.
+        If targets and weights are those of the last solve, refine towards the exact minimum.
 
         Returns:
             The state, and the steps taken.
@@ -216,14 +220,14 @@ class CodeSearch:
         if cache.x is None:
             raise ValueError("warm: there is no solution to start from; call cold first")
         state = cache.state or self.evaluate(cache.x)
-        # The targets may have moved, and with them the energy of the last unknowns.
+        # The energy of the last unknowns changes with the targets.
         state = replace(state, energy=self.energy.value(state.x, state.p))
         if self._targets_unchanged():
             found, steps = self._refine(state)
             return self._keep(found), steps
-        x, promised, steps = self._descend_by_landmarks(state, _FRAME_STEPS, _FRAME_GAIN)
+        x, estimate, steps = self._descend_by_landmarks(state, _FRAME_STEPS, _FRAME_GAIN)
         found = self.evaluate(x)
-        if found.energy > promised + _PROMISE_TOLERANCE * (abs(promised) + 1.0):
+        if found.energy > estimate + _ESTIMATE_TOLERANCE * (abs(estimate) + 1.0):
             better = found if found.energy < state.energy else state
             x, _, more = self._descend_by_landmarks(better, _FRAME_STEPS, _FRAME_GAIN)
             again, steps = self.evaluate(x), steps + more
@@ -231,13 +235,13 @@ class CodeSearch:
         return self._keep(min((state, found), key=lambda entry: entry.energy)), steps
 
     def _targets_unchanged(self) -> bool:
-        """True if the last solve was for these very targets and weights; notes the present ones."""
+        """True if the last solve had the present targets and weights; stores the present ones."""
         now = self.energy.targets, self.energy.weights
-        last, self._cache.asked = self._cache.asked, now
+        last, self._cache.solved_for = self._cache.solved_for, now
         return last is not None and all(map(np.array_equal, last, now))
 
     def _refine(self, state: State) -> tuple[State, int]:
-        """Towards the exact minimum: landmarks corrected by the derivative of all vertices."""
+        """Descend by landmarks whose derivative is corrected by that of all vertices."""
         correction = self._cache.correction
         if correction is None or not np.array_equal(correction.x, state.x):
             z = self.energy.code(state.x)
@@ -246,7 +250,7 @@ class CodeSearch:
             self._cache.correction = _Correction(state.x, difference)
         x, _, steps = self._descend_by_landmarks(state, _FINAL_STEPS, _FINAL_GAIN)
         step = x - state.x
-        # Far from where the derivative was taken landmarks may promise too much: go less far.
+        # Far from the state the corrected landmarks may be wrong: a shorter step may be better.
         for share in _SHARES if step.any() else ():
             found = self.evaluate(state.x + share * step)
             if found.energy < state.energy:
@@ -256,7 +260,7 @@ class CodeSearch:
     def _descend_by_landmarks(
         self, state: State, steps: int, relative_gain: float
     ) -> tuple[FloatArray, float, int]:
-        """Descend from a state with handle positions by landmarks, exact at the state."""
+        """Descend from a state with handle positions by landmarks, which are exact at the state."""
         correction = self._cache.correction
         positions = CorrectedHandlePositions(
             self._basis.landmark_positions(), None if correction is None else correction.derivative
@@ -272,7 +276,7 @@ class CodeSearch:
         for y in np.vstack([np.zeros((1, energy.components)), self._candidates]):
             x = np.concatenate([y, np.zeros(MOTION)])
             p = positions.at(energy.code(x)).positions
-            # Where shapes of the code are, or where the handles are.
+            # The shape is where shapes of the code are, or at the targets' centroid.
             moved = [(energy.value(at, p), at) for at in (x, energy.translated_to_targets(x, p))]
             scored.append(min(moved, key=lambda entry: entry[0]))
         others = sorted(scored[1:], key=lambda entry: entry[0])[:_STARTS]

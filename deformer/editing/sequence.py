@@ -1,8 +1,8 @@
-"""A model fitted to a sequence of handle frames, such as motion-capture markers.
+"""Fits a model to a sequence of handle frames, such as motion-capture markers.
 
-All frames are solved for together (`SequenceEnergy`). Squared accelerations of the unknowns take
-jitter away and, looking both ways in time, add no lag. A frame in which no handle is seen is
-bridged: little of the prior pulls at it.
+All frames of a window are solved for together (`SequenceEnergy`). Penalising squared accelerations
+of the unknowns reduces jitter; since earlier and later frames count alike, it adds no lag. A frame
+in which no handle is seen follows its neighbours: the prior has hardly any weight there.
 """
 
 from __future__ import annotations
@@ -24,23 +24,25 @@ from deformer.geometry import FloatArray, IntArray, log_to_rotation
 from deformer.linalg import one_blas_thread, resolve_device
 from deformer.model import DeformationModel
 
-# Frames solved for together, and frames looked ahead that are solved for again with the next ones.
+# Number of frames in a window, and of frames after it that are solved for with it, and again with
+# the next window.
 _WINDOW = 512
 _AHEAD = 32
 
 
 @dataclass(frozen=True, eq=False)
 class SequenceFit:
-    """A fitted sequence of F frames.
+    """A fitted sequence of F frames. Lengths are in the data's units, arrays float64.
 
     Args:
         vertices: (F, V, 3) positions.
         z: (F, K) latent codes.
-        rotation: (F, 3) rotation vectors of the rigid motion, about the reference's centroid.
-        translation: (F, 3) of the rigid motion.
+        rotation: (F, 3) rotation vectors of the rigid motion about the reference's centroid,
+            radians.
+        translation: (F, 3) translations of the rigid motion.
         residual: (F, H) distances from handle to target; NaN where a handle has no weight.
         prior_distance: (F,) Mahalanobis distances of the codes from the training codes' mean.
-        iterations: joint Gauss–Newton steps taken.
+        iterations: Gauss–Newton steps of whole windows taken.
     """
 
     vertices: FloatArray
@@ -71,29 +73,31 @@ def fit_sequence(
 
     Args:
         model: the prior.
-        vertices: (H,) different handle vertices.
-        targets: (F, H, 3) positions, frame by frame.
-        weights: (F, H) or (H,) factors; 0 is a handle that is not seen in that frame, whose
-            target is not looked at. None is ones.
-        hard: one for all, or (H,): meet the targets exactly wherever the weight is not 0.
-        smoothness: weight of squared accelerations, from frame to frame; 0 fits every frame on
-            its own. Motion that is slow for its frame rate bears 100 and more.
+        vertices: (H,) handle vertices, all different.
+        targets: (F, H, 3) positions in each frame, in the data's units.
+        weights: (F, H) or (H,) factors on the squared distances from the targets. In a frame in
+            which a handle has the weight 0 it is not seen, and its target is ignored. None is ones.
+        hard: one for all, or (H,): true for handles that are at their targets exactly wherever
+            their weight is not 0.
+        smoothness: weight of squared accelerations, 0 or more; 0 fits every frame on its own. For
+            motion that is slow for its frame rate, 100 and more are suitable.
         rigid: as in `HandleSolver`.
-        noise: as in `HandleSolver`; markers are less certain than shapes.
-        relaxation: rounds of rigid relaxation for hard handles, in every frame.
+        noise: as in `HandleSolver`; the default is for markers, which are less certain than shapes.
+        relaxation: rounds of rigid relaxation in each frame with hard handles.
         device: "cpu", "cuda", "mps" or "auto" (cuda or mps if there is one, else cpu).
         backend: "numba", which uses all cores of the CPU, or "torch", which computes many frames
             at once on any device; None is numba on the CPU and torch on every other device.
-        on_progress: called with the frames done and their number.
+        on_progress: called with the number of frames done and the number of all frames.
 
     Raises:
-        InputError: shapes that differ, an index out of range, a target that is not finite, an
-            unknown or missing device, or a backend that cannot use it.
+        InputError: shapes of arrays that disagree, an index out of range, a vertex given twice, a
+            target that is not finite, a negative weight or smoothness, a device that is unknown or
+            missing, or a backend that cannot use it.
     """
     index, goals, factors, exact = _checked(model, vertices, targets, weights, hard)
     if not (np.isfinite(smoothness) and smoothness >= 0):
         raise InputError(f"smoothness: expected 0 or a positive number, got {smoothness}")
-    # A motion may lead anywhere.
+    # In a motion the body may go anywhere: the rigid motion has the diffuse prior alone.
     solver = HandleSolver(model, rigid=rigid, noise=noise, freedom=1.0)
     basis = solver.basis
     basis.set_vertices(index.tolist())
@@ -107,7 +111,7 @@ def fit_sequence(
     with one_blas_thread():
         for start in range(0, F, _WINDOW):
             stop, seen = min(start + _WINDOW, F), min(start + _WINDOW + _AHEAD, F)
-            guess = X[start - 1] if start else _first(solver, index, goals, factors)
+            guess = X[start - 1] if start else _first_guess(solver, index, goals, factors)
             basis.set_vertices(index.tolist())
             before = X[max(0, start - 2) : start]
             window, more = sequence.solve(slice(start, seen), guess, before)
@@ -133,16 +137,16 @@ def fit_sequence(
     )
 
 
-def _first(
+def _first_guess(
     solver: HandleSolver,
     index: IntArray,
     goals: FloatArray,
     factors: FloatArray,
 ) -> FloatArray:
-    """Unknowns to begin with, by a solve from several starts.
+    """Unknowns (K+6,) to start the first frame from, by a solve from several starts.
 
-    They are those of the first frame, or if that sees few handles, of the first that sees at least
-    half as many as any.
+    They are those of the first frame that sees at least half as many handles as any frame of the
+    first window.
     """
     counts = (factors[:_WINDOW] > 0).sum(axis=1)
     frame = int((2 * counts >= counts.max()).argmax())
@@ -178,7 +182,7 @@ def _checked(
     weights: ArrayLike | None,
     hard: ArrayLike,
 ) -> tuple[IntArray, FloatArray, FloatArray, Boolean]:
-    """Handle vertices (H,), targets (F, H, 3), factors (F, H), and which are exact (F, H)."""
+    """Vertices (H,), targets (F, H, 3), weights (F, H), and true where a handle is exact (F, H)."""
     goals = np.asarray(targets, dtype=np.float64)
     count = np.size(vertices)
     if goals.ndim != 3 or goals.shape[1:] != (count, 3) or len(goals) == 0:

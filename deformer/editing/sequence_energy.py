@@ -1,8 +1,9 @@
 """The energy of a sequence of handle frames, and its descent over a window of frames.
 
-The energy is the sum of the frames' own energies (`HandleEnergy`) and of squared accelerations of
-the unknowns. Key frames are solved one after the other, the frames between them start from
-interpolation, and a Gauss–Newton step over the whole window costs one banded Cholesky.
+The energy is the sum of each frame's energy (`HandleEnergy`) and of the squared accelerations of
+the unknowns. Key frames are solved one after the other; the frames between them start from
+interpolated unknowns. A Gauss–Newton step of the whole window costs one banded Cholesky
+factorisation.
 """
 
 from __future__ import annotations
@@ -18,23 +19,25 @@ from deformer.editing.unknowns import Unknowns
 from deformer.geometry import FloatArray, IntArray, log_to_rotation, right_jacobian
 from deformer.linalg import Damping, descend, over_parts
 
-# Every so many frames one is solved on its own, as a start for those around it.
+# Key frames, solved on their own as starts for the others: distance between two, the most steps of
+# each, and the relative gain that ends them.
 _KEY = 12
 _KEY_STEPS = 20
 _KEY_GAIN = 1e-2
-# Frames whose Jacobians stay in a core's cache.
+# Number of frames whose Jacobians fit into a core's cache.
 _CACHED = 8
-# What is left of the prior in a frame that sees no handle: neighbours say more about it.
+# Factor on the prior in a frame that sees no handle: its neighbours say more about it.
 _UNSEEN = 1e-4
-# Every so many frames handle positions are measured by all vertices.
+# Distance between two frames whose handle positions are computed by all vertices.
 _MEASURED = 4
-# Most joint steps before and after handle positions are measured. A step that promises a relative
-# gain below this is the last one: the step is taken, as it costs no more than an evaluation, and
-# a single frame may still have much to gain where the sum over all frames promises little.
+# Most steps of a window, once before and once after handle positions are computed by all vertices.
+# A step with a predicted relative gain below _ROUGH_GAIN (before) or _GAIN (after) is the last one.
+# It is still taken: it costs no more than an evaluation, and may lower the energy of a single frame
+# much while the sum over all frames falls little.
 _STEPS = 10
 _ROUGH_GAIN = 2e-2
 _GAIN = 1e-3
-# A step that has gained more than this went far enough to need a new Jacobian.
+# After a step with a larger relative gain than this, the Jacobian is computed anew.
 _FAR = 5e-3
 _DAMPING = Damping(initial=1e-6, up=30.0, down=30.0, floor=1e-9, ceiling=1e6)
 
@@ -44,9 +47,9 @@ class _Window:
     """Frames that are solved for together.
 
     Args:
-        frames: m of the sequence.
-        before: (b, n) active unknowns of up to two frames before, which stay.
-        roughness: of the window after those.
+        frames: range of the m frames in the sequence.
+        before: (b, n) active unknowns of up to two fixed frames before them.
+        roughness: squared accelerations of these frames and the window.
     """
 
     frames: slice
@@ -58,10 +61,10 @@ class SequenceEnergy:
     """Energy of a sequence of F frames, and its descent window by window.
 
     Args:
-        energy: of the model, without handles.
-        backend: of the model's H handles.
-        targets: (F, H, 3).
-        weights: (F, H), ≥ 0; 0 is a handle that is not seen.
+        energy: energy of the model without handles.
+        backend: evaluates the model's H handles.
+        targets: (F, H, 3) positions.
+        weights: (F, H) factors, 0 or more; 0 is a handle that is not seen.
         smoothness: weight of squared accelerations.
     """
 
@@ -73,7 +76,7 @@ class SequenceEnergy:
         weights: FloatArray,
         smoothness: float,
     ) -> None:
-        """Fix the weights."""
+        """Store the handles, and the weights of the prior in each frame."""
         self.function, self.backend = energy, backend
         self._targets, self._weights = targets, weights
         self._row_weights = np.sqrt(weights) / (energy.noise * energy.diagonal)
@@ -86,12 +89,15 @@ class SequenceEnergy:
         self.stiffness = energy.stiffness(np.zeros(energy.size))[0][: self.active]
 
     def solve(self, frames: slice, guess: FloatArray, before: FloatArray) -> tuple[FloatArray, int]:
-        """Unknowns (m, K+6) of the frames of a window, and the joint steps taken.
+        """Solve for the m frames of a window together.
 
         Args:
-            frames: m of the sequence.
+            frames: range of the m frames in the sequence.
             guess: (K+6,) unknowns to start the first frame from.
-            before: (b, K+6) unknowns of up to two frames before, which stay.
+            before: (b, K+6) unknowns of up to two fixed frames before them.
+
+        Returns:
+            Unknowns (m, K+6), and the number of steps of the whole window.
         """
         m = frames.stop - frames.start
         roughness = Roughness(len(before), m, self._smoothness)
@@ -128,19 +134,19 @@ class SequenceEnergy:
         return _interpolated(keys, np.array(found), m), _interpolated(keys, np.array(offsets), m)
 
     def _measured_difference(self, X: FloatArray, P: FloatArray) -> FloatArray:
-        """Exact handle positions minus P (m, H, 3): measured at some frames, else interpolated."""
+        """Handle positions by all vertices minus P (m, H, 3): interpolated between some frames."""
         frames = np.unique(np.append(np.arange(0, len(X), _MEASURED), len(X) - 1))
         exact = self.backend.by_all(self.function.codes(X[frames]))
         return _interpolated(frames, exact - P[frames], len(X))
 
     def _descend(self, start: _Point) -> tuple[_Point, int]:
-        """Levenberg–Marquardt over all frames of a window, and the joint steps taken."""
+        """Levenberg–Marquardt over all frames of a window: the last point, and the steps taken."""
         found = descend(
             start,
             steps=_STEPS,
             relative_gain=0.0,
             damping=_DAMPING,
-            is_last=lambda point, step: point.promises_little(step),
+            is_last=lambda point, step: point.gains_little(step),
         )
         return found.point, found.steps
 
@@ -160,17 +166,17 @@ class SequenceEnergy:
     def normal_equations(
         self, window: _Window, X: FloatArray, P: FloatArray, dP: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Gauss–Newton matrices (m, n, n) of the frames' own energies, and the whole gradient.
+        """Gauss–Newton matrices of the frames' own energies, and the gradient of the whole energy.
 
         Args:
-            window: of m frames.
+            window: the m frames.
             X: (m, K+6) unknowns.
             P: (m, H, 3) handle positions.
-            dP: (m, H, 3, K) their derivatives by the code.
+            dP: (m, H, 3, K) their derivatives with respect to the codes.
 
         Returns:
-            The matrices, without the coupling of frames by accelerations (`Roughness.solve` adds
-            it), and half the gradient (m, n) of all, n active unknowns a frame.
+            Matrices (m, n, n) for n active unknowns a frame, without the accelerations, which
+            `Roughness.solve` adds; half the gradient (m, n), with the accelerations.
         """
         n, first = self.active, window.frames.start
         A, gradient = np.empty((len(X), n, n)), np.empty((len(X), n))
@@ -188,7 +194,7 @@ class SequenceEnergy:
     def _own_equations(
         self, frames: slice, X: FloatArray, P: FloatArray, dP: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """`normal_equations` of so few frames that all of it stays in the cache."""
+        """Matrices and half gradients of frames' own energies; the frames should fit the cache."""
         energy, n, K = self.function, self.active, self.function.components
         omega = Unknowns(X).rotation
         Q = log_to_rotation(omega)
@@ -220,13 +226,13 @@ class _Point:
 
     Args:
         function: the energy.
-        window: of m frames.
+        window: the m frames.
         X: (m, K+6) unknowns.
         P: (m, H, 3) handle positions.
-        offset: (m, H, 3) that is added to positions by landmarks.
-        enough: a step that promises a smaller relative gain needs no new Jacobian.
-        J: (m, H, 3, K) derivatives of the positions by the code, of a point before; None if there
-            is none.
+        offset: (m, H, 3) correction that is added to positions by landmarks.
+        relative_gain: a step with a smaller predicted relative gain needs no new Jacobian.
+        J: (m, H, 3, K) derivatives of the positions with respect to the codes, at an earlier point;
+            None computes them here.
     """
 
     def __init__(
@@ -236,13 +242,13 @@ class _Point:
         X: FloatArray,
         P: FloatArray,
         offset: FloatArray,
-        enough: float,
+        relative_gain: float,
         J: FloatArray | None = None,
     ) -> None:
         """Evaluate the energy."""
         self._function, self._window = function, window
         self.X, self.P = X, P
-        self._offset, self._enough, self._J = offset, enough, J
+        self._offset, self._relative_gain, self._J = offset, relative_gain, J
         self._far = False
         self._equations: tuple[FloatArray, FloatArray] | None = None
         self.energy = function.value(window, X, P)
@@ -250,12 +256,12 @@ class _Point:
     def step(self, damping: float) -> FloatArray:
         """Damped Gauss–Newton step (m, n) of all active unknowns.
 
-        Steps are shorter and shorter; far from where the Jacobian was taken, and with much to
-        gain, it is taken anew.
+        Steps become shorter, so the Jacobian of an earlier point serves again. It is computed anew
+        if the last step gained much and this one would, too.
         """
         if self._equations is None:
             step = self._solved(damping)
-            if not self._far or self.promises_little(step):
+            if not self._far or self.gains_little(step):
                 return step
             self._J = self._equations = None
         return self._solved(damping)
@@ -269,35 +275,35 @@ class _Point:
         A, gradient = self._equations
         return -self._window.roughness.solve(A, gradient, function.stiffness, damping)
 
-    def promises_little(self, step: FloatArray) -> bool:
-        """True if a step (m, n) promises a relative gain that is not worth another one."""
+    def gains_little(self, step: FloatArray) -> bool:
+        """True if the predicted relative gain of a step (m, n) is at most `relative_gain`."""
         assert self._equations is not None
-        return bool(-(self._equations[1] * step).sum() <= self._enough * self.energy)
+        return bool(-(self._equations[1] * step).sum() <= self._relative_gain * self.energy)
 
     def moved(self, step: FloatArray) -> _Point:
         """The point that a step leads to."""
         function, X = self._function, self.X.copy()
         X[:, : step.shape[1]] += step
         P = function.backend.by_landmarks(function.function.codes(X)) + self._offset
-        there = _Point(function, self._window, X, P, self._offset, self._enough, self._J)
+        there = _Point(function, self._window, X, P, self._offset, self._relative_gain, self._J)
         there._far = self.energy - there.energy > _FAR * self.energy
         return there
 
 
 class _FramePositions:
-    """`HandlePositions` of one frame of a backend, exact where they were measured."""
+    """`HandlePositions` of one frame: a backend's positions by landmarks plus an offset."""
 
     def __init__(self, backend: Frames) -> None:
-        """Begin without an offset."""
+        """Start with an offset of zero."""
         self._backend = backend
         self.offset = np.zeros(3)
 
     def measure(self, z: FloatArray) -> None:
-        """Choose the offset that makes the positions at z (K,) those of all vertices."""
+        """Choose the offset with which the positions at z (K,) are those by all vertices."""
         self.offset = (self._backend.by_all(z[None]) - self._backend.by_landmarks(z[None]))[0]
 
     def at(self, z: FloatArray) -> _FrameEvaluation:
-        """Positions, and their derivative if it is asked for."""
+        """Evaluate at a latent code z (K,); the derivative is computed when it is asked for."""
         return _FrameEvaluation(self._backend, z, self.offset)
 
 
@@ -315,9 +321,9 @@ class _FrameEvaluation:
 
 
 def _interpolated(keys: IntArray, values: FloatArray, count: int) -> FloatArray:
-    """Linear interpolation of values (k, …) at frames `keys` to frames 0…count − 1.
+    """Linear interpolation of values (k, …), given at frames `keys` (k,), to frames 0…count − 1.
 
-    Before the first key and after the last the values stay.
+    Before the first key and after the last one the values are constant.
     """
     frames = np.arange(count)
     after = np.minimum(np.searchsorted(keys, frames), len(keys) - 1)

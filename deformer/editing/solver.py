@@ -1,4 +1,4 @@
-"""Handles: the latent code, and the pose, that meet what the user asks for."""
+"""The handle solver: the latent code and the pose that bring handles to their targets."""
 
 from __future__ import annotations
 
@@ -20,38 +20,38 @@ from deformer.geometry import FloatArray, IntArray
 from deformer.linalg import one_blas_thread
 from deformer.model import DeformationModel
 
-# Steps of the local rotation fits: in a frame of a drag, which goes on from the frame
-# before; in the first round of a cold solve, and in its later ones.
+# Steps of the local rotation fits: in a frame of a drag, which continues from the frame before; in
+# the first round of relaxation of a cold solve; in each later round.
 _FRAME_ROTATION_STEPS = 1
 _FIRST_ROTATION_STEPS = 60
 _ROTATION_STEPS = 10
-# A round of relaxation that moves no vertex further, in bounding diagonals, is the last one.
+# A round of relaxation that moves no vertex by this much, in bounding diagonals, is the last one.
 _RELAXED = 2e-5
-# A warm solve that gains less than this of the energy is converged.
+# A warm solve that lowers the energy by a smaller share than this has converged.
 _CONVERGED = 1e-3
 
 
 class HandleSolver:
-    """Finds the latent code and rigid motion whose mesh meets the handles.
+    """Finds the latent code and rigid motion whose shape has the handles at their targets.
 
-    Minimises Σ_h w_h ‖Q p_h(z) + t − q_h‖² / (σ D)² + (z−μ)ᵀ Σ⁻¹ (z−μ), with D the reference's
-    bounding diagonal, plus terms on rotation and translation, and on parts that bend more than in
-    any example, by damped Gauss–Newton. Handle
-    positions come from the features through one Green row a handle, kept while the handle lives;
-    nothing is factored when handles come, move or go.
+    Damped Gauss–Newton minimises Σ_h w_h ‖Q p_h(z) + t − q_h‖² / (σ D)² + (z−μ)ᵀ Σ⁻¹ (z−μ), with D
+    the reference's bounding diagonal, plus terms for the rigid motion and for parts that bend more
+    than in any example (`HandleEnergy`). Handle positions are linear in the deformation gradients,
+    with one Green's function a handle, which is kept as long as the handle exists; no matrix is
+    factored when handles are added, moved or removed.
 
     Args:
         model: the prior.
-        rigid: let the whole shape rotate and translate; otherwise it stays where the reference is.
-        noise: σ, the distance from handle to target (in bounding diagonals) that weighs as much
-            as one standard deviation of the prior. None is the model's, which recovers unseen
-            shapes best; targets that are less certain than shapes ask for more.
-        freedom: how the whole shape may turn and travel. None: as little as the training shapes
-            do, or anywhere at a cost (`HandleEnergy`). A number: anywhere, as a factor on
-            standard deviations of 0.3 rad and one bounding diagonal. With 1 a lone handle carries
-            the whole shape along; with 0.01 the shape stays about where it is and bends.
-        relaxation: at most so many local/global rounds of rigid relaxation for hard handles; 0 is
-            the Schur complement alone.
+        rigid: true if the whole shape may rotate and translate; otherwise it has no rigid motion.
+        noise: σ, the distance from handle to target (in bounding diagonals) that adds as much
+            energy as one standard deviation of the prior. None is the model's, with which unseen
+            shapes are recovered best; targets that are less certain than shapes need more.
+        freedom: how far the whole shape may turn and move. None: as little as the training shapes
+            do, or anywhere at a cost. A number: a factor on standard deviations of 0.3 rad and one
+            bounding diagonal. With 1 a single handle moves the whole shape; with 0.01 the shape
+            stays about where it is and bends.
+        relaxation: the most rounds of rigid relaxation (a local and a global step) for hard
+            handles; 0 is the Schur complement alone.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class HandleSolver:
 
     @property
     def solution(self) -> FloatArray | None:
-        """Unknowns (K+6,) of the last solution, as `energy` takes them; None before any."""
+        """Unknowns (K+6,) of the last solution, as of `energy`; None before the first."""
         return self._search.solution
 
     @property
@@ -100,14 +100,15 @@ class HandleSolver:
         """Replace all handles.
 
         Args:
-            vertices: (H,) vertex indices; H may be 0. A vertex given twice asks for the weighted
-                mean of its targets.
-            targets: (H, 3) positions.
-            weights: (H,) positive factors, or None for ones.
-            hard: one for all, or (H,): meet the target exactly.
+            vertices: (H,) vertex indices; H may be 0. The target of a vertex given twice is the
+                weighted mean of its targets.
+            targets: (H, 3) positions, in the data's units.
+            weights: (H,) positive factors on the squared distances from the targets; None is ones.
+            hard: one for all, or (H,): true for handles that are at their targets exactly.
 
         Raises:
-            InputError: an index out of range, a target that is not finite, lengths that differ.
+            InputError: an index out of range, a target that is not finite, a weight that is not
+                positive, or lengths that differ.
         """
         index, goals, factors, exact = check_handles(self.model, vertices, targets, weights, hard)
         self._assign(
@@ -124,14 +125,14 @@ class HandleSolver:
         noise: float | None = None,
         freedom: float | None = None,
     ) -> None:
-        """Change the prior's mean, and how hard it pulls; what is None stays as it is.
+        """Change the prior's mean and the energy's parameters; arguments of None change nothing.
 
-        The last solution stays, so that a warm solve starts from it.
+        The last solution remains: a warm solve starts from it.
 
         Args:
-            mean: (K,) latent code to prefer in place of the training codes' mean; without handles
-                the pose is that of this code. The covariance is the prior's.
-            noise, freedom: as the class takes them.
+            mean: (K,) latent code that replaces the prior's mean; without handles the pose is that
+                of this code. The covariance does not change.
+            noise, freedom: as in the class.
 
         Raises:
             InputError: a code of another length or not finite, a number that is not positive.
@@ -145,10 +146,10 @@ class HandleSolver:
         self._search.set_prior(replace(self.energy, **changes), centre)
 
     def restore(self, z: ArrayLike, rotation: ArrayLike, translation: ArrayLike) -> Pose:
-        """Make a solution found earlier the last one; the next warm solve starts from it.
+        """Make an earlier solution the last one; the next warm solve starts from it.
 
-        The pose depends on the solution and the handles alone, not on what was solved before:
-        rigid relaxation, which a drag carries on from frame to frame, is done afresh.
+        The pose depends on the solution and the handles alone, not on what was solved before: rigid
+        relaxation, which a drag continues from frame to frame, starts anew.
 
         Args:
             z: (K,) latent code.
@@ -161,7 +162,7 @@ class HandleSolver:
         )
 
     def relax(self) -> Pose:
-        """The pose of the last solution with exact handles relaxed to the end (see `restore`).
+        """The pose of the last solution, its rigid relaxation run anew until it ends (`restore`).
 
         Raises:
             InputError: nothing has been solved yet.
@@ -189,11 +190,11 @@ class HandleSolver:
         return code
 
     def solve(self, warm: bool = False) -> Pose:
-        """Pose for the present handles.
+        """Solve for the pose of the present handles.
 
         Args:
-            warm: start from the last solution only (a frame of a drag). Otherwise several starts
-                are tried, and the result does not depend on what was solved before.
+            warm: true to start from the last solution alone, for a frame of a drag. Otherwise
+                several starts are tried, and the result does not depend on what was solved before.
         """
         begun = time.perf_counter()
         with one_blas_thread():
@@ -208,13 +209,13 @@ class HandleSolver:
         return replace(pose, milliseconds=1000.0 * (time.perf_counter() - begun))
 
     def solve_to_convergence(self, solves: int = 8) -> Pose:
-        """Warm solves from the last solution until the energy no longer falls.
+        """Solve from the last solution, again and again until the energy no longer falls.
 
-        For sequences: what a drag would show once the mouse has rested. Without a last solution
-        it is a cold solve.
+        For frames that arrive one by one: the pose is that of a drag whose mouse has rested.
+        Without a last solution it is one cold solve.
 
         Args:
-            solves: at most this many.
+            solves: largest number of warm solves.
         """
         if self.solution is None:
             return self.solve()
@@ -234,8 +235,12 @@ class HandleSolver:
     def drag(self, vertex: int, position: ArrayLike) -> Pose:
         """Move the target of one handle and solve from the last solution.
 
+        Args:
+            vertex: index of the handle's vertex.
+            position: (3,) new target, in the data's units.
+
         Raises:
-            InputError: `vertex` has no handle.
+            InputError: `vertex` has no handle, or the position is not 3 finite numbers.
         """
         position = np.asarray(position, dtype=np.float64)
         indices = [h for h, handle in enumerate(self._handles) if handle.vertex == vertex]
@@ -254,7 +259,7 @@ class HandleSolver:
         return self.solve(warm=True)
 
     def _assign(self, handles: list[Handle]) -> None:
-        """Make these the handles; a vertex with several has the weighted mean of their targets."""
+        """Replace the handles; a vertex with several has the weighted mean of their targets."""
         self._handles = handles
         wanted = list(dict.fromkeys(handle.vertex for handle in handles))
         current = self.basis.vertices.tolist()
@@ -283,14 +288,14 @@ class HandleSolver:
                 self._surface.reset()
 
     def _frame_vertices(self, state: State) -> FloatArray:
-        """Positions (V, 3) of a state, exact handles by the rotations of the frame before."""
+        """Positions (V, 3) of a state, with the rotations that the last frame's relaxation left."""
         vertices = self._solved_vertices(state)
         if len(self._exact) and self.relaxation:
             self._surface.relax(_FRAME_ROTATION_STEPS)
         return vertices
 
     def _relaxed_vertices(self, state: State) -> FloatArray:
-        """Positions (V, 3) of a state, exact handles by rounds of rigid relaxation."""
+        """Positions (V, 3) of a state, after rounds of rigid relaxation for its exact handles."""
         vertices = self._solved_vertices(state)
         for n in range(self.relaxation if len(self._exact) else 0):
             self._surface.relax(_ROTATION_STEPS if n else _FIRST_ROTATION_STEPS)
@@ -300,14 +305,14 @@ class HandleSolver:
         return vertices
 
     def _solved_vertices(self, state: State) -> FloatArray:
-        """Positions (V, 3) by the surface's gradients, with the exact handles at their targets."""
+        """Positions (V, 3) of a state by the present rotations, exact handles at their targets."""
         energy, surface = self.energy, self._surface
         self._search.decode(state)
         surface.solve()
-        # In the frame of the model: the rigid motion is taken off the targets.
+        # Targets before the rigid motion.
         surface.move_to_targets(energy.move_back(state.x, self._exact_targets))
         vertices = surface.positions(*energy.rigid_motion(state.x))
-        # Rounding leaves a difference; exact means exact.
+        # Removes rounding errors, so that exact handles are exact.
         vertices[self._exact] = self._exact_targets
         return vertices
 
@@ -329,7 +334,7 @@ class HandleSolver:
 
 
 def _keeping_indices(current: list[int], wanted: list[int]) -> list[int]:
-    """The wanted vertices in an order that leaves as many as possible at their index."""
+    """The wanted vertices, as many of them as possible at the index that they have in `current`."""
     kept = [v if v in set(wanted) else None for v in current[: len(wanted)]]
     kept += [None] * (len(wanted) - len(kept))
     new = iter([v for v in wanted if v not in set(kept)])

@@ -1,4 +1,4 @@
-"""The unknowns of a handle fit, x = (y, ω, t), as one vector and by their parts."""
+"""The unknowns x = (y, ω, t) of a handle fit, as one vector and as its parts."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from deformer.geometry import FloatArray
 
-# Numbers of a rigid motion: a rotation vector and a translation.
+# Number of unknowns of a rigid motion: a rotation vector and a translation.
 MOTION = 6
 
 
@@ -14,18 +14,18 @@ class Unknowns:
     """Views of the parts of x (..., K+6); writing to a part writes to x.
 
     Args:
-        x: (..., K+6) unknowns, or derivatives by them.
+        x: (..., K+6) unknowns, or derivatives with respect to them.
     """
 
     __slots__ = ("x",)
 
     def __init__(self, x: FloatArray) -> None:
-        """Refer to x; nothing is copied."""
+        """Store x itself, not a copy."""
         self.x = x
 
     @classmethod
     def join(cls, code: FloatArray, rotation: FloatArray, translation: FloatArray) -> FloatArray:
-        """The vector x (..., K+6) of its parts."""
+        """The vector x (..., K+6) of code (..., K), rotation (..., 3) and translation (..., 3)."""
         x = np.concatenate([code, rotation, translation], axis=-1)
         return np.asarray(x, dtype=np.float64)
 
@@ -40,7 +40,7 @@ class Unknowns:
 
     @property
     def rotation(self) -> FloatArray:
-        """Rotation vector ω (..., 3) about the shape's centroid, in radians."""
+        """Rotation vector ω (..., 3) about the reference's centroid, in radians."""
         return self.x[..., -6:-3]
 
     @rotation.setter
