@@ -1,4 +1,4 @@
-"""The compared methods by name, and their training or loading from an earlier run."""
+"""The compared methods by name; trains each, or loads it from an earlier run."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ from deformer.training import has_checkpoint, train
 
 @dataclass(frozen=True)
 class Setting:
-    """Settings of a network's training beside its configuration; other methods have none.
+    """Changes of a network's configuration, or a trained model; other methods have neither.
 
     Args:
-        epochs: number of training steps; None keeps the configuration's.
-        lambdas: weights λ₁ of sparsity and λ₂ of the latent range; None keeps the configuration's.
-        model: directory or name of a trained model, in place of training.
+        epochs: number of training steps; None is the configuration's.
+        lambdas: weights λ₁ of sparsity and λ₂ of the latent range (Tan et al. 2018, equation 8);
+            None is the configuration's.
+        model: directory or name of a trained model that is used in place of training.
         digest: hash of that model's weights.
     """
 
@@ -34,7 +35,10 @@ class Setting:
 
     @classmethod
     def of_model(cls, model: str) -> Setting:
-        """The setting that uses a trained model, given by its directory or name.
+        """The setting of a trained model.
+
+        Args:
+            model: directory or name of the model.
 
         Raises:
             InputError: there is no such model.
@@ -47,18 +51,18 @@ class Setting:
 
     @property
     def label(self) -> str:
-        """Text for progress lines; empty unless λ₁ and λ₂ are set."""
+        """Description in progress lines: λ₁ and λ₂, or empty if they are the configuration's."""
         return "λ {:g} {:g}".format(*self.lambdas) if self.lambdas else ""
 
 
 @dataclass(frozen=True)
 class NetworkMethod:
-    """A method that uses one of the project's networks.
+    """A method that poses meshes with a trained network.
 
     Args:
-        config: the network's configuration; methods of one configuration share the network.
-        make: makes the method from the trained model.
-        sees_shapes: true when the method also learns from the training shapes.
+        config: name of the network's configuration; methods with the same one share a network.
+        make: creates the method from the trained model.
+        sees_shapes: true if the method itself also learns from the training shapes.
     """
 
     config: str
@@ -66,7 +70,7 @@ class NetworkMethod:
     sees_shapes: bool = False
 
 
-# By name, in the order of tables; those of `deformer.baselines` follow.
+# Methods with a network by name, in the order of tables; those of `deformer.baselines` come after.
 NETWORKS = {
     "autoencoder": NetworkMethod("default", Autoencoder),
     "autoencoder-paper": NetworkMethod("paper", Autoencoder),
@@ -80,7 +84,7 @@ def known_methods() -> tuple[str, ...]:
 
 
 def has_components(method: str) -> bool:
-    """True if a method has components; one without only poses a mesh by control points."""
+    """True if a method has components. Methods without can only pose a mesh by control points."""
     return method in NETWORKS or method == "model" or METHODS[method]().space != "none"
 
 
@@ -92,16 +96,20 @@ def train_method(
     setting: Setting,
     cache: Path | None,
 ) -> tuple[PosingMethod, float]:
-    """Train a method, or load it; returns it with the seconds that its training took.
+    """Train a method, or load it.
 
     Args:
-        method: a known name, or "model" for the setting's model.
-        shapes: to learn from; shape 0 is the reference.
-        components: K.
-        seed: of the training.
-        setting: of a network.
-        cache: directory of a network's model: the model is loaded from there, or training resumes
-            from a checkpoint beside it. None for other methods, which are always trained.
+        method: a name of `known_methods`, or "model" for the trained model of `setting`.
+        shapes: training shapes; shape 0 is the reference.
+        components: number K of components.
+        seed: seed of the training.
+        setting: settings of a network's training.
+        cache: directory of a network's model. If it has none, training resumes from a checkpoint
+            beside it or starts, and saves the model there. None for methods without a network,
+            which are always trained.
+
+    Returns:
+        The trained method, and the seconds that its training took.
 
     Raises:
         KeyboardInterrupt: training was interrupted; its checkpoint is saved.
@@ -144,7 +152,7 @@ def _train_network(
         config=settings,
         epochs=setting.epochs,
         seed=seed,
-        # Every machine that continues a run computes the same numbers.
+        # A run may continue on a machine without a GPU, and must compute the same numbers there.
         device="cpu",
         checkpoint=checkpoint,
         resume=has_checkpoint(checkpoint),

@@ -1,8 +1,8 @@
 """The plan of an evaluation: trainings, and the measurements of each trained method.
 
-The plan is made before anything runs. The key of a measurement is a hash of everything that its
-rows depend on: an interrupted run continues with the missing keys, and a changed option recomputes
-only the measurements that it affects.
+The plan is complete before anything runs. The key of a measurement is a hash of everything that its
+result rows depend on. An interrupted run continues with the missing keys; a changed option
+recomputes only the measurements that depend on it.
 """
 
 from __future__ import annotations
@@ -28,14 +28,15 @@ PROTOCOLS: tuple[Protocol, ...] = (
 )
 Kind = Literal["training", "reconstruction", "rotation", "sparse_control", "example"]
 
-# The paper's settings of (λ₁, λ₂) besides (0.5, 0.5), and the method that is trained with them.
+# The settings of (λ₁, λ₂) that the paper compares with (0.5, 0.5) (Tan et al. 2018, table
+# "diff_lambda"), and the method that is trained with them.
 LAMBDAS = ((0.4, 0.4), (0.6, 0.6), (0.4, 0.6), (0.6, 0.4))
 LAMBDA_METHOD = "autoencoder-paper"
-# Standard deviations of noise, in bounding diagonals of the reference.
+# Standard deviations of the noise protocol, per coordinate, in bounding diagonals of the reference.
 NOISE = (0.005, 0.01, 0.02)
-# Number of control points of the pictures.
+# Number of control points of the example meshes that pictures show.
 EXAMPLE_COUNT = 20
-# To be incremented when the rows of an unchanged key change.
+# To be incremented whenever the same options give other result rows than before.
 _VERSION = 5
 
 
@@ -45,20 +46,20 @@ class Study:
 
     Args:
         source: the data set.
-        methods: names of the methods.
-        protocols: some of PROTOCOLS.
-        components: numbers K of components for `reconstruction`.
-        at: K of the other protocols, and of the pictures.
+        methods: names of the methods to compare, from `known_methods` or "model".
+        protocols: names of the protocols, from `PROTOCOLS`.
+        components: numbers K of components in the protocol "reconstruction".
+        at: number K of components in the other protocols and in the pictures.
         counts: numbers of control points.
-        splits: number of random splits, or the splits themselves.
+        splits: number of splits to draw, or the splits themselves.
         seeds: number of random first control points for each split.
-        epochs: upper bound on the training steps of a network; None leaves its configuration's.
+        epochs: upper bound on a network's number of training steps; None is its configuration's.
         tests: upper bound on the number of test shapes; None is all.
-        model: setting of the method "model", a trained model.
+        model: settings of the method "model", which is a trained model; None is no such method.
         pictures: true to save an example mesh of each method.
 
     Raises:
-        InputError: an unknown method or protocol, or a number below 1.
+        InputError: an unknown method or protocol, none of either, or a number below 1.
     """
 
     source: Source
@@ -95,7 +96,7 @@ class Study:
                 raise InputError(f"{name}: expected numbers of at least 1, got {list(values)}")
 
     def drawn_splits(self) -> tuple[Split, ...]:
-        """The given splits, or as many random ones as `splits` says."""
+        """The given splits, or, if `splits` is a number, as many with the seeds 0, 1, …"""
         if not isinstance(self.splits, int):
             return self.splits
         draw = sequence_split if self.source.ordered else random_split
@@ -108,12 +109,13 @@ class Training:
 
     Args:
         source: the data set.
-        split: the training shapes and the test shapes.
-        number: index of the split, and the seed of the training.
+        split: indices of the training shapes and of the test shapes.
+        number: index of the split, which is also the seed of the training.
         method: name of the method.
-        components: K; 0 for a method without components.
-        noise: standard deviation of the noise added to the training shapes, in bounding diagonals.
-        setting: settings of a network.
+        components: number K of components; 0 for a method without components.
+        noise: standard deviation of the noise that is added to each coordinate of the training
+            shapes, in bounding diagonals of the reference.
+        setting: settings of a network's training; other methods have none.
     """
 
     source: Source
@@ -131,16 +133,16 @@ class Training:
 
     @property
     def network(self) -> str | None:
-        """Hash of everything that the method's network depends on; None without one to train.
+        """Hash of everything that the method's network depends on; None if it trains no network.
 
-        Methods can share a network; two processes must not train it at the same time.
+        Methods with the same hash share a network, which only one process may train at a time.
         """
         if self.method not in NETWORKS:
             return None
         return _digest(config=NETWORKS[self.method].config, **self._identity())
 
     def _identity(self) -> dict[str, Any]:
-        """Training data and settings as JSON values."""
+        """Training shapes and settings, as values that JSON can store."""
         return {
             "source": [self.source.fingerprint, self.source.align],
             "train": self.split.train,
@@ -152,7 +154,7 @@ class Training:
 
     @property
     def label(self) -> str:
-        """Text for progress lines and failures."""
+        """Description in progress lines and messages of failures."""
         parts = [self.source.name, self.method]
         parts += [f"K {self.components}"] if self.components else []
         parts += [f"noise {self.noise:.1%}"] if self.noise else []
@@ -162,14 +164,15 @@ class Training:
 
 @dataclass(frozen=True)
 class Measurement:
-    """One measurement of a trained method, with one or several rows.
+    """One measurement of a trained method; its result has one or several rows.
 
     Args:
         kind: what is measured.
         test: indices of the test shapes.
-        count: number K of components, or of control points.
-        seed: seed in the rows; it also draws the first control point.
-        noise: standard deviation of the noise added to the control points, in bounding diagonals.
+        count: number of control points; for kinds without control points, number K of components.
+        seed: seed that the rows name; it also draws the first control point.
+        noise: standard deviation of the noise that is added to each coordinate of the control
+            points, in bounding diagonals of the reference.
     """
 
     kind: Kind
@@ -179,7 +182,7 @@ class Measurement:
     noise: float = 0.0
 
     def key(self, training: Training) -> str:
-        """Hash of everything that the rows depend on."""
+        """Hash of everything that the rows of this measurement after a training depend on."""
         source = training.source
         return _digest(
             training=training.key,
@@ -189,7 +192,7 @@ class Measurement:
         )
 
     def protocol(self, training: Training) -> str:
-        """Protocol in rows, without the suffix of a part ("/encoder", "/fit")."""
+        """Name of the protocol in the rows, without the suffix of a part ("/encoder", "/fit")."""
         name: str = self.kind
         if training.setting.lambdas:
             tried = "sensitivity({:g},{:g})".format(*training.setting.lambdas)
@@ -201,14 +204,14 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Job:
-    """A training and the measurements of the trained method."""
+    """A training, and the measurements of the method that it trains."""
 
     training: Training
     measurements: tuple[Measurement, ...]
 
 
 def make_plan(studies: list[Study]) -> list[Job]:
-    """The jobs of all studies; protocols and studies share equal trainings."""
+    """Jobs of all studies. A training that several protocols or studies need is one job."""
     measurements: dict[Training, dict[Measurement, None]] = {}
     for study in studies:
         for training, measurement in _measurements(study):
@@ -234,7 +237,7 @@ def _measurements(study: Study) -> list[tuple[Training, Measurement]]:
 def _measurements_of_method(
     study: Study, base: Training, test: tuple[int, ...]
 ) -> list[tuple[Training, Measurement]]:
-    codes, K, number = has_components(base.method), base.components, base.number
+    encodes, K, number = has_components(base.method), base.components, base.number
     found: list[tuple[Training, Measurement]] = []
 
     def add(training: Training, kind: Kind, count: int, seed: int = number, noise: float = 0.0):
@@ -242,16 +245,16 @@ def _measurements_of_method(
 
     def control(training: Training, noise: float = 0.0) -> None:
         for draw in range(study.seeds):
-            # Draw d of the control points belongs to split d modulo the number of splits.
+            # Seeds of different splits differ: split n of S has the seeds n, n + S, n + 2 S, …
             seed = number + draw * len(study.drawn_splits())
             for count in study.counts:
                 add(training, "sparse_control", count, seed, noise)
 
     for protocol in study.protocols:
-        if protocol == "reconstruction" and codes:
+        if protocol == "reconstruction" and encodes:
             for k in (K,) if base.method == "model" else study.components:
                 add(replace(base, components=k), protocol, k)
-        elif protocol == "rotation" and codes:
+        elif protocol == "rotation" and encodes:
             add(base, protocol, K)
         elif protocol == "sparse_control":
             control(base)
@@ -259,7 +262,7 @@ def _measurements_of_method(
             for noise in NOISE:
                 if base.method != "model":
                     noisy = replace(base, noise=noise)
-                    if codes:
+                    if encodes:
                         add(noisy, "reconstruction", K)
                     control(noisy)
                 control(base, noise)
@@ -278,8 +281,8 @@ def _setting(study: Study, method: str) -> Setting:
         return study.model
     if method not in NETWORKS or study.epochs is None:
         return Setting()
-    usual = PRESETS[NETWORKS[method].config].training.epochs
-    return Setting(epochs=study.epochs if study.epochs < usual else None)
+    default = PRESETS[NETWORKS[method].config].training.epochs
+    return Setting(epochs=study.epochs if study.epochs < default else None)
 
 
 def _digest(**facts: Any) -> str:

@@ -1,4 +1,4 @@
-"""Predefined studies: a quick one for the user's shapes, and the paper's tables and figures."""
+"""Predefined studies: a short one, and those for the tables and figures of the paper."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from deformer.evaluation.plan import LAMBDA_METHOD, Study
 from deformer.evaluation.sources import Source
 from deformer.evaluation.splits import sequence_split
 
-# Options of a short `Study`.
+# Options of a short `Study`, for any data set.
 QUICK: dict[str, Any] = {
     "protocols": ("reconstruction", "sparse_control", "rotation"),
     "components": (10,),
@@ -22,10 +22,10 @@ QUICK: dict[str, Any] = {
     "tests": 6,
 }
 
-# Test shapes of every paper data set but SCAPE: a fit to the largest takes minutes a shape.
+# Largest number of test shapes, but for SCAPE: a fit to a shape of the largest set takes minutes.
 _TESTS = 12
 
-# The paper's data sets: (name, possible file names, options of Source).
+# The paper's data sets, or substitutes: (name, possible file names, options of `Source.at`).
 _PAPER_SETS: tuple[tuple[str, tuple[str, ...], dict[str, Any]], ...] = (
     ("scape", ("scape-obj", "scape", "scape.npz"), {"up": "x"}),
     ("crane", ("crane.npz", "crane"), {"ordered": True, "align": True}),
@@ -36,10 +36,13 @@ _PAPER_SETS: tuple[tuple[str, tuple[str, ...], dict[str, Any]], ...] = (
 
 
 def paper_sources(folder: Path) -> list[Source]:
-    """The paper's data sets, or substitutes for them, found in a folder.
+    """Those of the paper's data sets, or their substitutes, that are in a folder.
+
+    Args:
+        folder: directory with the files or folders of the sets.
 
     Raises:
-        InputError: the folder has none of them.
+        InputError: none of them is there.
     """
     found = [
         Source.at(name, str(folder / file), **options)
@@ -58,43 +61,53 @@ def paper_studies(
     epochs: int | None = None,
     tests: int | None = None,
 ) -> list[Study]:
-    """Studies for the tables and figures of Tan et al. 2018, and for robustness beside them.
+    """Studies for tables and figures of Tan et al. 2018, and for robustness.
 
-    The tables are "moreevaluation" and "diff_lambda", the figures "gerror" and "sparse_control";
-    further studies add noise and large rotations.
+    The tables have the labels "moreevaluation" and "diff_lambda" in the paper's source, the figures
+    "gerror" and "sparse_control". Further studies measure robustness to noise and large rotations.
 
     Args:
-        sources: the result of `paper_sources`.
-        methods: names of the methods to compare; None compares all.
-        epochs: as in `Study`.
-        tests: upper bound on the number of test shapes; None is the default of each study.
+        sources: data sets, from `paper_sources`.
+        methods: names of the methods to compare; None is all.
+        epochs: upper bound on a network's number of training steps; None is its configuration's.
+        tests: upper bound on the number of test shapes; None is all of SCAPE and 12 of the others.
     """
     chosen = methods or known_methods()
-    coded = tuple(method for method in chosen if has_components(method))
+    with_components = tuple(method for method in chosen if has_components(method))
     studies = []
     for source in sources:
         base = Study(
             source, chosen, ("reconstruction", "rotation"), epochs=epochs, tests=tests or _TESTS
         )
         if source.name == "scape":
-            studies += _scape(replace(base, tests=tests), coded)
+            studies += _scape(replace(base, tests=tests), with_components)
         elif source.name == "crane":
             control = replace(base, protocols=("sparse_control",), pictures=False)
-            curve = replace(base, components=(10, 30, 50), methods=coded, pictures=False)
+            curve = replace(base, components=(10, 30, 50), methods=with_components, pictures=False)
             studies += [base, curve, replace(control, counts=(5, 20, 80))]
         else:
-            # The paper trains on one in ten of these, too, although not all are in order of time.
+            # One shape in ten for training, as in the paper, although not all sets are sequences.
             splits = (sequence_split(source.count, 0),)
             studies.append(replace(base, splits=splits))
     return studies
 
 
-def _scape(base: Study, coded: tuple[str, ...]) -> list[Study]:
+def _scape(base: Study, with_components: tuple[str, ...]) -> list[Study]:
     control = replace(base, protocols=("sparse_control",), splits=2, pictures=False)
-    curve = replace(base, methods=coded, components=(10, 20, 30, 50, 70, 100), pictures=False)
+    curve = replace(
+        base, methods=with_components, components=(10, 20, 30, 50, 70, 100), pictures=False
+    )
     noise = replace(base, protocols=("noise",), counts=(20,), pictures=False)
-    studies = [base, curve, replace(base, methods=coded, splits=2, pictures=False), control, noise]
-    if LAMBDA_METHOD in coded:
-        tried = replace(base, methods=(LAMBDA_METHOD,), protocols=("sensitivity",), pictures=False)
-        studies.append(tried)
+    studies = [
+        base,
+        curve,
+        replace(base, methods=with_components, splits=2, pictures=False),
+        control,
+        noise,
+    ]
+    if LAMBDA_METHOD in with_components:
+        sensitivity = replace(
+            base, methods=(LAMBDA_METHOD,), protocols=("sensitivity",), pictures=False
+        )
+        studies.append(sensitivity)
     return studies
