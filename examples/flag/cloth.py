@@ -2,9 +2,10 @@
 
 Macklin, Müller, Chentanez, "XPBD" (2016), with many small steps of one iteration each (Macklin et
 al., "Small Steps in Physics Simulation", 2019): a step predicts positions from the velocities,
-moves them onto the constraints one after the other, and takes what they moved by for velocities.
-Compliances are those of a continuous sheet, so that the same cloth hangs alike at any resolution,
-but for its rim, which is half a cell wide and as stiff as a whole one.
+moves them onto the constraints one after the other, and divides the displacement by the time step
+for the new velocities.
+Compliances are those of a continuous sheet, so that the same cloth hangs alike at any resolution.
+The rim is an exception: it is half a cell wide, and as stiff as a whole cell.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ AIR = 1.2  # kg/m³
 
 @dataclass(frozen=True)
 class Fabric:
-    """What the cloth is made of, and how it meets the air.
+    """Material of the cloth, and coefficients of the air's forces on it.
 
     Args:
         density: kg/m².

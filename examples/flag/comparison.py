@@ -1,9 +1,8 @@
-"""Components of two methods in the same words: their strength, support, and what they tell.
+"""Components of two methods behind one interface: strength, support, and share of motion.
 
-Strength is that of the paper's component analysis (Tan et al., AAAI 2018): with all else as in the
-reference's code, a component goes to its least and to its greatest value over the training shapes;
-what represents it is the end whose features are farther from the reference's, and how far is its
-strength. Features are the method's own.
+Strength is that of the paper's component analysis (Tan et al., AAAI 2018): in the reference's code,
+one entry takes its least or its greatest value over the training shapes, whichever changes the
+features more; the size of that change is the component's strength. Features are the method's own.
 """
 
 from __future__ import annotations
@@ -20,13 +19,13 @@ from flag.quality import swing_angles
 
 
 class Components(Protocol):
-    """What a method has learned, without where in space a shape lies.
+    """Components of a method, and its codes without their rigid motion.
 
     Attributes:
-        name: for tables.
+        name: name in tables.
         reference: (K,) code of the reference.
-        extremes: (K,) value of each component where it is represented.
-        strengths: (K,) how far the features are from the reference's there.
+        extremes: (K,) value of each component in its representative shape.
+        strengths: (K,) distance of that shape's features from the reference's.
     """
 
     name: str
@@ -48,7 +47,7 @@ class Components(Protocol):
 
 
 class NetworkComponents:
-    """Those of a trained autoencoder."""
+    """Components of a trained autoencoder."""
 
     name = "Deformer"
 
@@ -84,17 +83,17 @@ class NetworkComponents:
 
 
 class EdgeComponents:
-    """Those of SPLOCS on edge lengths and dihedral angles, after Wang et al. (2017).
+    """Components of SPLOCS on edge lengths and dihedral angles, after Wang et al. (2017).
 
     Args:
-        method: trained.
-        training: (N, V, 3) the shapes it was trained on, the reference first.
+        method: the trained method.
+        training: (N, V, 3) its training shapes, the reference first.
     """
 
     name = EdgeSplocs.name
 
     def __init__(self, method: EdgeSplocs, training: NDArray) -> None:
-        """Features are linear in the weights: the farther end is the farther weight."""
+        """Find the extremes: features are linear in the weights, so the farthest weight is one."""
         self._method = method
         weights = method.weights(training)
         self.reference = weights[0]
@@ -108,7 +107,7 @@ class EdgeComponents:
         return self._method.weights(vertices)
 
     def shapes(self, codes: NDArray) -> NDArray:
-        """Shapes (N, V, 3) of weights (N, K), as close to the reference as they can lie."""
+        """Shapes (N, V, 3) of weights (N, K), rigidly aligned to the reference."""
         return self._method.decode(np.column_stack([codes, np.zeros((len(codes), 3))]))
 
     def support(self, component: int) -> NDArray:
@@ -129,14 +128,14 @@ def strongest(components: Components, count: int = 4) -> NDArray:
 
 
 def motion_shares(components: Components, clean: NDArray, noisy: NDArray) -> NDArray:
-    """Share (K,) of motion in each activation's variance; what is missing to 1 is noise.
+    """Share (K,) of motion in each activation's variance; the rest is noise.
 
-    With z the activations of frames without noise and z′ those of the same frames with it:
-    var z / (var z + var(z′ − z)).
+    It is var z / (var z + var(z′ − z)), with z the activations of frames without noise and z′ those
+    of the same frames with noise.
 
     Args:
-        components: learned with noise.
-        clean, noisy: (N, V, 3) the same frames, not of the training, without and with noise.
+        components: components learned from noisy frames.
+        clean, noisy: (N, V, 3) the same test frames without and with noise.
     """
     z, disturbed = components.codes(clean), components.codes(noisy)
     motion, noise = z.var(axis=0), (disturbed - z).var(axis=0)
@@ -149,9 +148,10 @@ def swing_explained(
     """Share of the swing's variance that a linear function of some noisy activations explains (R²).
 
     Args:
-        components: learned with noise.
-        clean, noisy: (N, V, 3) the same frames, not of the training; the swing is the clean ones'.
-        kept: components to take.
+        components: components learned from noisy frames.
+        clean, noisy: (N, V, 3) the same test frames without and with noise. The swing is that of
+            the clean ones, the activations are those of the noisy ones.
+        kept: indices of the components whose activations are used.
         shape: columns and rows of the flag's vertices.
     """
     angle = swing_angles(clean, shape)
@@ -163,7 +163,7 @@ def swing_explained(
 def corner_shares(components: Components, rest: NDArray) -> NDArray:
     """Share (K,) of each component's support in the two noisy corners.
 
-    These are the vertices where the noise is more than half as strong as in the very corner.
+    They are the vertices where the noise is more than half as strong as at the corner itself.
     """
     corner = noise_profile(rest) > CORNER_GAIN / 2
     supports = np.array([components.support(k) for k in range(len(components.strengths))])
@@ -185,17 +185,17 @@ def on_pole(shapes: NDArray, rest: NDArray) -> NDArray:
 
 
 def explained(clean: NDArray, estimate: NDArray, rest: NDArray, rigid: bool = False) -> float:
-    """Share of the frames' deformation that an estimate has: 1 all, 0 as good as the flat flag.
+    """Share of the frames' deformation that an estimate reproduces; 0 is that of the flat flag.
 
-    One less the squared E_rms of the estimate over that of the flag at rest.
+    It is 1 − (E_rms of the estimate / E_rms of the flat flag)².
 
     Args:
-        clean: (N, V, 3) frames.
-        estimate: (N, V, 3).
+        clean: (N, V, 3) frames without noise.
+        estimate: (N, V, 3) estimates of them.
         rest: (V, 3) the flat flag.
-        rigid: first lay the estimate and the flat flag on every frame by the best rigid motion of
-            each: the swing as a whole no longer counts, as lengths and angles cannot tell it. Or
-            else both hang on the pole.
+        rigid: true to align the estimate and the flat flag rigidly to every frame: the swing of the
+            whole flag, which lengths and angles do not determine, then counts no longer. Otherwise
+            both are translated to the pole.
     """
     flat = np.broadcast_to(rest, clean.shape)
     if not rigid:

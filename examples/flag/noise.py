@@ -1,4 +1,4 @@
-"""Noise that is nobody's motion: drawn anew for every vertex of every frame, worst at corners."""
+"""Noise that is independent for each vertex and frame, and largest at the free corners."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ CORNER_REACH = 0.15
 
 
 def noise_profile(rest: NDArray) -> NDArray:
-    """Standard deviation (V,) of the noise in units of that in the middle of the flag, 1.
+    """Standard deviation (V,) of the noise, divided by that in the middle of the flag.
 
     It grows to `CORNER_GAIN` at the two corners away from the pole, as exp(−d²/2r²) with the
     distance d and r = `CORNER_REACH` times the width.
@@ -26,9 +26,9 @@ def add_noise(vertices: NDArray, deviation: float, rng: np.random.Generator) -> 
     """Shapes (N, V, 3) with independent normal noise on all but shape 0, the reference.
 
     Args:
-        vertices: shape 0 flat and at rest.
-        deviation: of one coordinate in the middle of the flag, in metres.
-        rng: draws the noise.
+        vertices: (N, V, 3) shapes; shape 0 is the flat flag at rest.
+        deviation: standard deviation of a coordinate in the middle of the flag, in metres.
+        rng: random generator.
     """
     noise = rng.normal(scale=deviation, size=vertices.shape)
     noise *= noise_profile(vertices[0])[:, None]

@@ -1,4 +1,4 @@
-"""Is a simulated flag sound? Stretch of its edges, swing of its free edge, self-intersections."""
+"""Quality of a simulated flag: stretch of its edges, swing of its free edge, self-intersections."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def count_intersections(vertices: NDArray, faces: NDArray) -> int:
     """
     points = np.asarray(vertices, dtype=np.float64)
     corners = points[faces]
-    # In the order of their lowest x, the faces within an edge's reach stand together.
+    # In the order of their lowest x, the faces that an edge may cut are consecutive.
     order = np.argsort(corners[:, :, 0].min(axis=1), kind="stable")
     corners = corners[order]
     return int(

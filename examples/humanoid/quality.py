@@ -1,4 +1,4 @@
-"""Is a posed skin sound? Edge stretch, volume, folds, and limbs inside the rest of the body."""
+"""Quality of a posed skin: stretch of edges, volume, folds, limbs inside the rest of the body."""
 
 from __future__ import annotations
 
