@@ -6,14 +6,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-import torch
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
 from deformer import AdamSettings, DeformationModel, FeatureScaler, HandleSolver, ModelConfig, train
 from deformer.geometry.mesh import one_rings
 from deformer.model.latent_prior import fit_prior
-from deformer.network.autoencoder import MeshAutoencoder
+from networks import random_network
 from paths import ROOT
 from settings import QUICK_ADAM
 from shapes import awkward, sequence, small_model, tube, two_components
@@ -45,13 +44,7 @@ def trained(layers):
 
 def untrained(mesh, layers, components=4, size=0.3, turn=2.0):
     """A model with random weights of some size and rotation vectors up to `turn`."""
-    rings = one_rings(mesh.faces, len(mesh.vertices))
-    torch.manual_seed(0)
-    network = MeshAutoencoder(*rings, components, layers)
-    with torch.no_grad():
-        for conv in network.layers:
-            conv.bias_back.normal_()
-        network.C.normal_(std=size)
+    network, _ = random_network(mesh, layers, components, size)
     codes = np.random.default_rng(0).normal(size=(12, components))
     config = ModelConfig("random", components, AdamSettings(layers))
     scaler = FeatureScaler(-turn, turn, -0.3, 1.8)

@@ -5,9 +5,8 @@ import pytest
 import torch
 
 from deformer.acap.scaler import FeatureScaler
-from deformer.geometry.mesh import one_rings
-from deformer.network.autoencoder import MeshAutoencoder
 from deformer.network.decoder import Decoder
+from networks import random_network
 from shapes import awkward, tube
 
 SCALER = FeatureScaler(-1.5, 2.0, -0.3, 1.8)
@@ -19,15 +18,8 @@ CASES = pytest.mark.parametrize(
 
 
 def build(mesh, layers, components=4):
-    """A network with weights that matter, and its decoder."""
-    rings = one_rings(mesh.faces, len(mesh.vertices))
-    torch.manual_seed(0)
-    network = MeshAutoencoder(*rings, components, layers)
-    with torch.no_grad():
-        for conv in network.convs:
-            conv.bias_back.normal_()
-        network.C.normal_()
-        network.C *= 0.3
+    """A random network and its decoder."""
+    network, rings = random_network(mesh, layers, components, size=0.3)
     return network, Decoder(network.weights, SCALER, *rings)
 
 

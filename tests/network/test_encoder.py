@@ -5,24 +5,17 @@ import pytest
 import torch
 
 from deformer.acap.scaler import FeatureScaler
-from deformer.geometry.mesh import one_rings
-from deformer.network.autoencoder import MeshAutoencoder
 from deformer.network.decoder import Decoder
 from deformer.network.encoder import Encoder
+from networks import random_network
 from shapes import awkward, tube
 
 SCALER = FeatureScaler(-1.5, 2.0, -0.3, 1.8)
 
 
 def build(mesh, layers, components=4):
-    """A network with biases, and scaled features of 19 shapes (V, 19, 9): more than a batch."""
-    rings = one_rings(mesh.faces, len(mesh.vertices))
-    torch.manual_seed(0)
-    network = MeshAutoencoder(*rings, components, layers)
-    with torch.no_grad():
-        for conv in network.convs:
-            conv.bias.normal_()
-        network.C.normal_()
+    """A random network, its one-rings, and scaled features (V, 19, 9): more than a batch."""
+    network, rings = random_network(mesh, layers, components)
     x = np.random.default_rng(0).uniform(-0.95, 0.95, size=(len(mesh.vertices), 19, 9))
     return network, rings, x
 
