@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import logging
 import math
 import os
 import sys
@@ -32,6 +33,9 @@ def run(app: typer.Typer, arguments: list[str] | None = None) -> int:
     A user's mistake prints one line on stderr and returns 2, Ctrl-C returns 130. Any other
     exception is an error of the program and is raised with its traceback.
     """
+    log = logging.getLogger("deformer")
+    log.addHandler(_notes)
+    log.setLevel(logging.INFO)
     given = sys.argv[1:] if arguments is None else arguments
     given = given or ["--help"]
     try:
@@ -62,6 +66,17 @@ def _users_mistake(error: Exception) -> str | None:
     from deformer import InputError
 
     return str(error) if isinstance(error, InputError) else None
+
+
+class _Notes(logging.Handler):
+    """Prints what the library tells on stderr."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print a message."""
+        note(record.getMessage())
+
+
+_notes = _Notes()
 
 
 def note(message: str) -> None:

@@ -14,6 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from deformer.acap.features import features_to_gradients
+from deformer.compilation import called_with
 from deformer.geometry import FloatArray, exp_, right_jacobian_
 from deformer.linalg import over_ranges, scratch
 
@@ -59,6 +60,7 @@ def _sensitivities(q, coefficients, g):
                     g[3 * h + d, 9 * i + m] = D[m, d, 0] * x + D[m, d, 1] * y + D[m, d, 2] * z
 
 
+@called_with("void(i8, i8, f8[:, ::1], f8[:, ::1], f4[:, :, ::1], f4[:, ::1])")
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _decoder_tangents(start, stop, q, slope, matrix, out):
     """out[3 i + b, a K + k] = ∂T_i,ab / ∂z_k."""

@@ -11,8 +11,10 @@ import math
 import numpy as np
 from numba import njit
 
+from deformer.compilation import called_with
 from deformer.editing.kernels import (
     BLOCK,
+    LAYER,
     MATRICES,
     ROW1,
     ROW2,
@@ -97,6 +99,7 @@ def _gradient_tangent(row, slope, R, C, t):
             t[ROW2 + i] = t2 + x * C[ROW2 + i] + y * C[ROW2 + j] + z * C[ROW2 + k]
 
 
+@called_with(f"void({LAYER}, f4[::1], f8[::1])")
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _positions(layer, coefficients, sums):
     """sums (48 H,) = Σ T a over blocks, each vertex of a block for itself; flat coefficients."""
@@ -108,6 +111,7 @@ def _positions(layer, coefficients, sums):
         add_positions(t, coefficients, B * len(sums), sums)
 
 
+@called_with(f"void(i8, i8, {LAYER}, f4[:, :, ::1], f4[:, ::1], f4[:, :, ::1])")
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _derivative(start, stop, layer, columns, tangents, out):
     """out[k] += ∂/∂z_k of the positions (3, H) by blocks, with coefficients (blocks, 48, H).
@@ -161,7 +165,7 @@ class BlockDecoder:
         used = by_block.any(axis=2)
         self._matrix = np.ascontiguousarray(by_block[used])
         self._slices = np.concatenate([[0], np.cumsum(used.sum(axis=1))])
-        self._rows = np.nonzero(used)[1]
+        self._rows = np.ascontiguousarray(np.nonzero(used)[1])
         self._scale = np.ones(len(self._rows), dtype=np.float32)
         affine = decoder.base, decoder.gain, decoder.offset
         self._affine = tuple(np.repeat(a, BLOCK).astype(np.float32) for a in affine)

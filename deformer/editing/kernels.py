@@ -13,6 +13,8 @@ import math
 import numpy as np
 from numba import njit
 
+from deformer.compilation import called_with
+
 # Vertices of a block.
 BLOCK = 16
 # Numbers of a block: of vectors (3 rows of 16), quaternions (w, x, y, z) and matrices (by row).
@@ -41,6 +43,9 @@ _S = tuple(np.float32((-1) ** n / math.factorial(2 * n + 1)) for n in range(7))
 _C = tuple(np.float32((-1) ** n / math.factorial(2 * n)) for n in range(8))
 _S1, _S2, _S3, _S4, _S5, _S6 = _S[1:]
 _C1, _C2, _C3, _C4, _C5, _C6, _C7 = _C[1:]
+# Types of a decoder's `layer`: with a matrix in single precision, and as `DecodedSurface` has it.
+_LAYER = "Tuple((i8[::1], {}[::1], f4[::1], {}[:, ::1], f4[::1], f4[::1], f4[::1], f4[::1]))"
+LAYER, STORED_LAYER = _LAYER.format("i8", "f4"), _LAYER.format("i4", "i2")
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
@@ -83,6 +88,7 @@ def gradients(q, T):
         T[ROW8 + n] = R20 * xz + R21 * yz + R22 * zz
 
 
+@called_with("void(i8, i8, i8[::1], f8[:, ::1], f8, f4[:, ::1])")
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def coefficients_by_block(start, stop, order, coefficients, scale, out):
     """Blocks out (·, 48) of coefficients (V, 3) times scale; zeros fill the last block."""
@@ -177,6 +183,7 @@ def decode(start, stop, layer, q):
             x[n] = gain[n] * (_2 * t / (_1 + t * t)) + offset[n]
 
 
+@called_with(f"void(i8, i8, {STORED_LAYER}, f4[::1], f4[::1], f8[::1])")
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def decode_to_positions(start, stop, layer, coefficients, T, sums):
     """`decode`, then `gradients_and_positions`, of 32 blocks at a time, which stay in the cache."""
@@ -187,6 +194,7 @@ def decode_to_positions(start, stop, layer, coefficients, T, sums):
         gradients_and_positions(B, end, q, coefficients, T, sums)
 
 
+@called_with("void(i8, i8, i8[::1], i4[::1], f4[::1], f4[::1], f4[::1], f4[::1])")
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def rhs(start, stop, indptr, rings, halves, x, T, b):
     """b_i = Σ_j ½ c_ij (T_i + T_j)(x_i − x_j) with halves ½ c_ij; T, x and b are flat.
@@ -306,6 +314,7 @@ def _times_transposed(B, T, A):
             A[r + ROW2 + n] = x * T[ROW6 + n] + y * T[ROW7 + n] + z * T[ROW8 + n]
 
 
+@called_with("void(i8, i8, i8[::1], i4[::1], f4[::1], f4[::1], f4[::1], f4[::1], f4[::1], i8)")
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def fit_rotations(start, stop, indptr, rings, halves, x, p, R, turn, steps):
     """Local step of blocks: fit rotations R, and their quaternions `turn`, to the edges of p.
@@ -356,6 +365,7 @@ def fit_rotations(start, stop, indptr, rings, halves, x, p, R, turn, steps):
         _store_by_vertex(r, block, R)
 
 
+@called_with("void(i8, i8, f4[:, ::1], f4[:, ::1], f4[::1], f4[:, ::1])")
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def add_green_functions(start, stop, green, push, shift, x):
     """x_i += Σ_h green_h,i push_h + shift."""
@@ -378,6 +388,7 @@ def add_green_functions(start, stop, green, push, shift, x):
             x[begin + n, 2] += c[n]
 
 
+@called_with("void(i8, i8, i8[::1], f8[:, ::1], f8[::1], f4[:, ::1], f8[:, ::1])")
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def to_user_order(start, stop, order, Q, origin, x, out):
     """out_order[i] = Q x_i + origin."""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from deformer.compilation import compile_kernels
 from deformer.editing.energy import HandleEnergy
 from deformer.editing.green_functions import HandleBasis
 from deformer.editing.handles import Handle, Pose, check_handles
@@ -17,9 +18,20 @@ from deformer.editing.search import CodeSearch, State
 from deformer.editing.unknowns import Unknowns
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
-from deformer.linalg import one_blas_thread
+from deformer.linalg import CORES, one_blas_thread
 from deformer.model import DeformationModel
 
+# Modules whose kernels a solve calls.
+_KERNELS = (
+    "deformer.geometry.rotations",
+    "deformer.geometry.laplacian",
+    "deformer.linalg.nested_dissection",
+    "deformer.linalg.sparse_cholesky",
+    "deformer.acap.jacobians",
+    "deformer.network.decoder",
+    "deformer.editing.kernels",
+    "deformer.editing.handle_kernels",
+)
 # Steps of the local rotation fits: in a frame of a drag, which continues from the frame before; in
 # the first round of relaxation of a cold solve; in each later round.
 _FRAME_ROTATION_STEPS = 1
@@ -64,6 +76,7 @@ class HandleSolver:
         relaxation: int = 60,
     ) -> None:
         """Prepare the model's factorisations; handles are set later."""
+        compile_kernels(_KERNELS, CORES)
         self.model = model
         self.relaxation = relaxation
         self.basis = HandleBasis(model)

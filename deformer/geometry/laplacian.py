@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from scipy import sparse
 
+from deformer.compilation import called_with
 from deformer.geometry.mesh import FloatArray, Mesh
 
 # Bounds on the cotangent weight of an edge. Cotangents have no unit: the bounds suit any scale.
@@ -106,6 +107,9 @@ def rhs_(start, stop, indptr, rings, c, v, T, b):
         b[i, 2] = bz
 
 
+@called_with(
+    "void(i8, i8, i8[::1], i8[::1], f8[::1], Array(f8, 2, 'C', True), f8[::1], f8[:, ::1])"
+)
 @njit(cache=True, nogil=True, error_model="numpy")
 def rhs_adjoint_(start, stop, indptr, rings, c, v, green, out):
     """Coefficients a_i = Σ_j ½ c_ij (G_i − G_j)(v_i − v_j) with Σ_i G_i b_i(T) = Σ_i T_i a_i.

@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
 
+from deformer.compilation import called_with
 from deformer.geometry.mesh import FloatArray
 
 # Below this angle (radians) series replace the closed forms.
@@ -199,12 +200,14 @@ def closest_rotation_(T, R):
             return
 
 
+@called_with("void(f8[:, ::1], f8[:, :, ::1])")
 @njit(cache=True, nogil=True)
 def _exp_batch(r, R):
     for i in range(len(r)):
         exp_(r[i], R[i])
 
 
+@called_with("void(f8[:, ::1], f8[:, :, ::1])")
 @njit(cache=True, nogil=True)
 def _right_jacobian_batch(r, J):
     for i in range(len(r)):

@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from deformer.compilation import called_with
 from deformer.geometry import FloatArray, IntArray
 
 # Pieces of at most this many vertices are not cut further: their dense blocks cost about as much as
@@ -71,6 +72,7 @@ def _breadth_first(ranked, row, lo, hi, indptr, indices, side, queue):
         ranked[row, k] = queue[k]
 
 
+@called_with("i8(i8[::1], i8[::1], i8[:, ::1], i8, i8, i8[:, ::1])")
 @njit(cache=True)
 def _dissect(indptr, indices, ranked, leaf, depth, nodes):
     """Order of elimination and its supernodes; returns their number.
@@ -162,6 +164,9 @@ def _dissect(indptr, indices, ranked, leaf, depth, nodes):
     return node_count
 
 
+@called_with(
+    "i4[::1](i8[::1], i8[::1], i8[::1], i8[::1], i8[::1], i8[::1], i8[::1], i8[:, ::1], i8[::1])"
+)
 @njit(cache=True)
 def _boundaries(indptr, indices, inverse_order, order, starts, owner, visitor, links, bounds):
     """Rows below every supernode, unsorted.

@@ -21,6 +21,7 @@ from scipy.linalg.lapack import (
     dtrtri,  # pyright: ignore[reportAttributeAccessIssue]
 )
 
+from deformer.compilation import called_with
 from deformer.geometry import FloatArray, IntArray
 from deformer.linalg.nested_dissection import Dissection, dissect
 from deformer.linalg.threads import CORES, run_calls
@@ -33,6 +34,10 @@ _SMALLEST_PART = 8000
 # between slices, or with factorisations, they would take many times as long to compile.
 
 
+@called_with(
+    "void(i8, i8[::1], i8[::1], f8[::1], i8[::1], i8[::1], i8[::1], i8[::1], i4[::1], "
+    "i8[::1], f8[:, ::1])"
+)
 @njit(cache=True)
 def _assemble(s, indptr, indices, data, order, inverse_order, starts, bounds, rows, row_of, front):
     """Add A's columns of supernode s to its front (w + m, w + m); `row_of` gets its rows."""
@@ -49,6 +54,7 @@ def _assemble(s, indptr, indices, data, order, inverse_order, starts, bounds, ro
                 front[row_of[j], k] += data[e]
 
 
+@called_with("void(i8, i8, i4[::1], i8[::1], f8[:, ::1], f8[:, ::1])")
 @njit(cache=True)
 def _add_update(first, last, rows, row_of, update, front):
     """Add the update (m, m) of a child with the rows first…last − 1 to the front."""
@@ -90,6 +96,9 @@ def _factor(A: sparse.csr_array, plan: Dissection) -> tuple[IntArray, FloatArray
     return slices, blocks
 
 
+@called_with(
+    "void(i8, i8, i8, i8[::1], i8[::1], i4[::1], i8[::1], f8[::1], f8[:, ::1], f8[:, ::1])"
+)
 @njit(cache=True, nogil=True, error_model="numpy")
 def _forward(first, last, begin, starts, bounds, rows, slices, blocks, x, tail):
     """Eliminate supernodes first…last − 1 from x (n, m); changes of rows ≥ `begin` go to `tail`.
@@ -118,6 +127,7 @@ def _forward(first, last, begin, starts, bounds, rows, slices, blocks, x, tail):
                     tail[r - begin, c] += change[k, c]
 
 
+@called_with("void(i8, i8, i8[::1], i8[::1], i4[::1], i8[::1], f8[::1], f8[:, ::1])")
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _backward(first, last, starts, bounds, rows, slices, blocks, x):
     """Solve for the rows of supernodes last − 1…first, in place."""
@@ -152,6 +162,9 @@ def _backward(first, last, starts, bounds, rows, slices, blocks, x):
                 x[lo + k, c] = solution[k, c]
 
 
+@called_with(
+    "void(i8, i8, i8, i8[::1], i8[::1], i4[::1], i8[::1], f4[::1], f4[:, ::1], f4[:, ::1])"
+)
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _forward_three(first, last, begin, starts, bounds, rows, slices, blocks, x, tail):
     """`_forward` for three columns in single precision, blocks (w, m) of −B F⁻¹ by column."""
@@ -213,6 +226,7 @@ def _forward_three(first, last, begin, starts, bounds, rows, slices, blocks, x, 
                 tail[r - begin, 2] += s2[j]
 
 
+@called_with("void(i8, i8, i8[::1], i8[::1], i4[::1], i8[::1], f4[::1], f4[:, ::1])")
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _backward_three(first, last, starts, bounds, rows, slices, blocks, x):
     """`_backward` for three columns in single precision."""

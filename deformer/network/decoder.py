@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from deformer.acap import FeatureScaler
+from deformer.compilation import called_with
 from deformer.geometry import FloatArray, IntArray
 from deformer.linalg import over_ranges
 from deformer.network.weights import NetworkWeights, ring_mean
 
 
+@called_with("void(i8, i8, f4[:, :, ::1], f4[::1], f4[::1], f4[:, ::1])")
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _affine(start, stop, matrix, z, bias, out):
     """out_i = matrix_i z + bias, vertex by vertex, in the precision of z."""

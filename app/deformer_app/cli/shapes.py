@@ -30,8 +30,13 @@ def components(
     top: Annotated[
         int | None, typer.Option(min=1, help="Only so many, the strongest.  [default: all]")
     ] = None,
-    users: Annotated[
-        int, typer.Option(min=0, help="Training shapes to name for each, those that use it most.")
+    extreme_count: Annotated[
+        int,
+        typer.Option(
+            "--extreme-shapes",
+            min=0,
+            help="Training shapes to name for each, those that use it most.",
+        ),
     ] = 3,
     turntable: Annotated[
         int, typer.Option(min=0, help="Pictures of a full turn around each; 0 draws none.")
@@ -46,7 +51,7 @@ def components(
     from deformer_app.cli import components as analysing
 
     with console.progress("components") as report:
-        result = analysing.run(model, output, top, users, turntable, report)
+        result = analysing.run(model, output, top, extreme_count, turntable, report)
     if as_json:
         console.emit(result)
         return
@@ -133,7 +138,7 @@ def synthesize(
     start: Annotated[
         str, typer.Option("--from", help=f"Shape to start from. {SHAPE_HELP}")
     ] = "reference",
-    ways: Annotated[
+    spaces: Annotated[
         str,
         typer.Option(
             help="latent, or a linear counterpart: of features, or linear of vertices; several "
@@ -150,7 +155,7 @@ def synthesize(
     from deformer_app.cli import synthesis as synthesising
 
     request = synthesising.Request(
-        model, output, weights, tuple(sweep or ()), random, seed, bound, start, ways, onto
+        model, output, weights, tuple(sweep or ()), random, seed, bound, start, spaces, onto
     )
     with console.progress("synthesis") as report:
         result = synthesising.run(request, report)
@@ -163,7 +168,7 @@ def synthesize(
 @app.command(
     epilog=examples(
         "deformer interpolate humanoid 3 40 -o path",
-        "deformer interpolate humanoid reference pose.ply 12 -o path --steps 17 --ways latent",
+        "deformer interpolate humanoid reference pose.ply 12 -o path --steps 17 --spaces latent",
     )
 )
 def interpolate(
@@ -180,7 +185,7 @@ def interpolate(
     steps: Annotated[
         int, typer.Option(min=2, help="Shapes from one to the next, both counted.")
     ] = 9,
-    ways: Annotated[
+    spaces: Annotated[
         str, typer.Option(help="Of latent, features, linear; with commas between.")
     ] = "latent,features,linear",
     as_json: Json = False,
@@ -192,17 +197,17 @@ def interpolate(
     from deformer_app.cli import synthesis as synthesising
 
     with console.progress("interpolation") as report:
-        result = synthesising.between(model, keys, output, steps, ways, report)
+        result = synthesising.between(model, keys, output, steps, spaces, report)
     if as_json:
         console.emit(result)
         return
     rows = [
-        [way, f"{found['shortest_total']:.3f}", f"{found['edges_5_percent']:.3f}"]
-        for way, found in result["ways"].items()
+        [space, f"{found['shortest_total']:.3f}", f"{found['edges_5_percent']:.3f}"]
+        for space, found in result["spaces"].items()
     ]
     console.show_table(
         "Lengths on the way over those between the keys, least",
-        ["way", "all edges", "edge at 5 %"],
+        ["space", "all edges", "edge at 5 %"],
         rows,
     )
     for file in result["files"]:

@@ -43,14 +43,14 @@ class Request:
     seed: int = 0
     bound: float = 1.0
     start: str = "reference"
-    ways: str = "latent"
+    spaces: str = "latent"
     onto: str | None = None
 
 
 def run(request: Request, progress: Progress) -> dict[str, Any]:
     """Synthesise shapes and write them; returns their codes and files."""
-    ways = _ways(request.ways)
-    _check(request, ways)
+    spaces = _spaces(request.spaces)
+    _check(request, spaces)
     model = deformer.load_model(request.model)
     goal = model if request.onto is None else deformer.load_model(request.onto)
     if request.random is not None:
@@ -62,44 +62,44 @@ def run(request: Request, progress: Progress) -> dict[str, Any]:
     weights = _weights(request.weights) if request.weights else {}
     synthesis = Synthesis(model, start_code(model, request.start))
     if request.sweeps:
-        return _sweeps(request, model, goal, synthesis, weights, ways, progress)
+        return _sweeps(request, model, goal, synthesis, weights, spaces, progress)
     z = synthesis.code(weights)
-    vertices = synthesis.shape(weights, ways[0]) if goal is model else _decoded(model, goal, z)
+    vertices = synthesis.shape(weights, spaces[0]) if goal is model else _decoded(model, goal, z)
     fitting.save(request.output, goal.reference.faces, vertices)
     return {
         "output": str(request.output),
-        "way": ways[0],
+        "space": spaces[0],
         "z": z,
         "familiarity": deformer.Familiarity(model).distance(z),
     }
 
 
 def between(
-    model_name: str, keys: list[str], output: Path, steps: int, ways: str, progress: Progress
+    model_name: str, keys: list[str], output: Path, steps: int, spaces: str, progress: Progress
 ) -> dict[str, Any]:
-    """Interpolate shapes in several ways; write a sequence for each, a sheet and an animation."""
-    chosen = _ways(ways)
+    """Interpolate shapes in several spaces; write a sequence for each, a sheet and an animation."""
+    chosen = _spaces(spaces)
     if len(keys) < 2:
         raise InputError(f"interpolate: got {len(keys)} shape, expected two or more")
     model = deformer.load_model(model_name)
     shapes = np.stack([_shape(model, key) for key in keys])
-    paths = {way: deformer.interpolate(model, shapes, steps, way) for way in chosen}
+    paths = {space: deformer.interpolate(model, shapes, steps, space) for space in chosen}
     output.mkdir(parents=True, exist_ok=True)
     faces = model.reference.faces
-    for way, path in paths.items():
-        io.save_shapes(output / f"{way}.npz", MeshSequence(path.vertices, faces))
-    drawn = draw({way: p.vertices for way, p in paths.items()}, faces, _up(model), progress)
-    titles = {way: [f"{way}, {t:.2f}" for t in path.times] for way, path in paths.items()}
+    for space, path in paths.items():
+        io.save_shapes(output / f"{space}.npz", MeshSequence(path.vertices, faces))
+    drawn = draw({space: p.vertices for space, p in paths.items()}, faces, _up(model), progress)
+    titles = {space: [f"{space}, {t:.2f}" for t in path.times] for space, path in paths.items()}
     save_sheet(output / "sheet.png", sheet(drawn, titles))
     save_animation(output / "path.gif", there_and_back(side_by_side(drawn)), FPS)
     record = {
-        way: {
+        space: {
             "shortest_total": float(path.length_ratios().min()),
             "edges_5_percent": float(np.quantile(path.edge_ratios(), 0.05, axis=1).min()),
         }
-        for way, path in paths.items()
+        for space, path in paths.items()
     }
-    result = {"model": model_name, "keys": keys, "ways": record}
+    result = {"model": model_name, "keys": keys, "spaces": record}
     io.write_json(output / "lengths.json", result)
     return {
         **result,
@@ -185,26 +185,30 @@ def _loaded(model: DeformationModel, path: Path) -> NDArray:
     return mesh.vertices
 
 
-def _check(request: Request, ways: tuple[BlendSpace, ...]) -> None:
+def _check(request: Request, spaces: tuple[BlendSpace, ...]) -> None:
     """Raise InputError, before any work, for options that exclude each other."""
     if request.random is not None and (request.weights or request.sweeps):
         raise InputError("synthesize: --random goes without --weights and --sweep; leave them out")
     if request.random is None and not request.weights and not request.sweeps:
         raise InputError("synthesize: got none of --weights, --sweep, --random; give one")
-    if ways != ("latent",) and (request.onto or request.random is not None):
-        raise InputError("synthesize: --onto and --random know the way latent only; drop --ways")
+    if spaces != ("latent",) and (request.onto or request.random is not None):
+        raise InputError(
+            "synthesize: --onto and --random know the space latent only; drop --spaces"
+        )
     if request.random is None and not request.sweeps:
-        if len(ways) > 1:
-            raise InputError(f"synthesize: one shape has one way, got {request.ways}; choose one")
+        if len(spaces) > 1:
+            raise InputError(
+                f"synthesize: one shape is made in one space, got {request.spaces}; choose one"
+            )
         fitting.check_output(request.output, is_sequence=False)
     elif request.output.suffix.lower() in io.MESH_SUFFIXES:
         raise InputError(f"{request.output}: names one mesh file; name a directory for many shapes")
 
 
-def _ways(text: str) -> tuple[BlendSpace, ...]:
+def _spaces(text: str) -> tuple[BlendSpace, ...]:
     found = words(text) or ()
-    for way in found:
-        check_blend_space(way)
+    for space in found:
+        check_blend_space(space)
     return cast(tuple[BlendSpace, ...], found)
 
 
@@ -252,21 +256,21 @@ def _sweeps(
     goal: DeformationModel,
     synthesis: Synthesis,
     weights: dict[int | str, float],
-    ways: tuple[BlendSpace, ...],
+    spaces: tuple[BlendSpace, ...],
     progress: Progress,
 ) -> dict[str, Any]:
-    """Write an NPZ and a GIF for every sweep and way, and one sheet with a row for each."""
+    """Write an NPZ and a GIF for every sweep and space, and one sheet with a row for each."""
     rows: dict[str, NDArray] = {}
     titles: dict[str, list[str]] = {}
     fixed = {model.component(key): weight for key, weight in weights.items()}
     for text in request.sweeps:
         component, values = _sweep(text)
         k = model.component(component)
-        for way in ways:
-            row = model.label(k) if len(ways) == 1 else f"{model.label(k)}, {way}"
+        for space in spaces:
+            row = model.label(k) if len(spaces) == 1 else f"{model.label(k)}, {space}"
             titles[row] = [f"{row}: {w:g}" for w in values]
             if goal is model:
-                rows[row] = synthesis.sweep(k, values, fixed, way)
+                rows[row] = synthesis.sweep(k, values, fixed, space)
             else:
                 codes = [synthesis.code({**fixed, k: float(w)}) for w in values]
                 rows[row] = np.stack([_decoded(model, goal, z) for z in codes])

@@ -91,7 +91,7 @@ class PoseWorker:
     def rehearse(self) -> None:
         """Solve for a handle of each kind, so that no user's first drag waits for a compiler.
 
-        The first time after an installation this takes a minute, later a fraction of a second.
+        The first time after an installation this takes some ten seconds, later a fraction of one.
         """
         base, reference = tuple(self._model.codes[0].tolist()), self._model.reference
         aside = point(reference.vertices[0] + 0.02 * reference.bounding_diagonal)

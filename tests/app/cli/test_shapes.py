@@ -74,9 +74,9 @@ def test_weights_make_a_mesh(run_json, model_path, tmp_path):
     again = run_json("synthesize", model_path, "--weights", "2=0", "--from", code, "-o", out)
     np.testing.assert_allclose(again["z"], result["z"])
     straight = run_json(
-        "synthesize", model_path, "--weights", "2=2", "--ways", "linear", "-o", tmp_path / "l.ply"
+        "synthesize", model_path, "--weights", "2=2", "--spaces", "linear", "-o", tmp_path / "l.ply"
     )
-    assert straight["way"] == "linear"
+    assert straight["space"] == "linear"
     expected = deformer.Synthesis(small_model()).shape({2: 2.0}, "linear")
     found = deformer.load_mesh(tmp_path / "l.ply").vertices
     np.testing.assert_allclose(found, expected, atol=1e-5)
@@ -95,7 +95,7 @@ def test_sweeps_make_sheet_animation_and_sequence(run_json, model_path, tmp_path
     folder = tmp_path / "sweeps"
     result = run_json(
         "synthesize", model_path, "--sweep", "2=-1:1:3", "--sweep", "4=0:1:3", "--weights",
-        "5=0.5", "--ways", "latent,linear", "-o", folder,
+        "5=0.5", "--spaces", "latent,linear", "-o", folder,
     )  # fmt: skip
     assert result["rows"] == ["component 2, latent", "component 2, linear",
                               "component 4, latent", "component 4, linear"]  # fmt: skip
@@ -120,8 +120,10 @@ def test_interpolation_of_three_ways(run_json, model_path, tmp_path):
     deformer.save_mesh(mesh, sequence().mesh(3))
     folder = tmp_path / "path"
     result = run_json("interpolate", model_path, "9", mesh, "reference", "-o", folder, "--steps", 3)
-    assert list(result["ways"]) == ["latent", "features", "linear"]
-    ratios = [result["ways"][way]["shortest_total"] for way in ("latent", "features", "linear")]
+    assert list(result["spaces"]) == ["latent", "features", "linear"]
+    ratios = [
+        result["spaces"][space]["shortest_total"] for space in ("latent", "features", "linear")
+    ]
     assert min(ratios[:2]) > ratios[2]
     path = deformer.load_shapes(folder / "linear.npz").vertices
     assert len(path) == 5
@@ -158,8 +160,8 @@ def test_encode_says_how_well_a_shape_is_reproduced(run_json, refuse, model_path
         (["--weights", "2=1", "--random", "3", "-o", "a"], "--random goes without"),
         (["--sweep", "2=1:2", "-o", "a"], "FIRST:LAST:COUNT"),
         (["--sweep", "2=0:1:3", "-o", "a.ply"], "names one mesh file"),
-        (["--weights", "2=1", "--ways", "curved", "-o", "a.ply"], "'curved'"),
-        (["--weights", "2=1", "--ways", "latent,linear", "-o", "a.ply"], "one way"),
+        (["--weights", "2=1", "--spaces", "curved", "-o", "a.ply"], "'curved'"),
+        (["--weights", "2=1", "--spaces", "latent,linear", "-o", "a.ply"], "in one space"),
         (["--weights", "2=1", "--from", "77", "-o", "a.ply"], "shape 77"),
         (["--weights", "2=1", "--from", "no.ply", "-o", "a.ply"], "no.ply"),
     ],

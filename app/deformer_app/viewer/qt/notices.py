@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QV
 from deformer_app.rendering.palette import NOTICE, NOTICE_INK
 
 _PREPARING = (
-    "Preparing the solver. The first time after an installation this takes a minute. "
+    "Preparing the solver. The first time after an installation this takes some ten seconds. "
     "You can look around already."
 )
 

@@ -1,0 +1,133 @@
+"""Compilation of kernels side by side, once a machine.
+
+Numba compiles a kernel when it is first called, one after the other, and keeps the machine code in
+a file. `compile_kernels` fills these files on all cores at once, in processes of its own (numba
+holds the interpreter's lock while it compiles), for kernels that say which types they are called
+with.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import logging
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TypeVar
+
+import llvmlite.binding
+import numba
+from numba.core.dispatcher import Dispatcher
+from numba.core.sigutils import normalize_signature
+
+Kernel = TypeVar("Kernel")
+
+_log = logging.getLogger("deformer")
+_declared: dict[str, list[tuple[Dispatcher, str]]] = {}  # by module
+
+
+def called_with(signature: str) -> Callable[[Kernel], Kernel]:
+    """Decorator over `njit`: the types that the library calls the kernel with.
+
+    Args:
+        signature: numba's own notation. Other types remain possible; they are compiled when they
+            are first used.
+    """
+
+    def declare(kernel: Kernel) -> Kernel:
+        dispatcher: object = kernel
+        if isinstance(dispatcher, Dispatcher):  # a plain function where NUMBA_DISABLE_JIT is set
+            _declared.setdefault(dispatcher.py_func.__module__, []).append((dispatcher, signature))
+        return kernel
+
+    return declare
+
+
+def compile_kernels(modules: Sequence[str], cores: int) -> None:
+    """Compile the kernels of modules, unless that has been done with this numba and processor.
+
+    It tells of it on the logger "deformer".
+
+    Args:
+        modules: names of modules, already imported or not.
+        cores: number of processes, this one included. Where the interpreter is not a program of
+            its own, as within another application, nothing is done: calls then compile as ever.
+    """
+    program = Path(sys.executable or "")
+    if cores < 2 or not program.stem.lower().startswith("python"):
+        return
+    kernels = _kernels(modules)
+    stamp = _stamp(modules, kernels)
+    if stamp is None or stamp.exists():
+        return
+    _log.info("compiling for this processor: some ten seconds, once")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    code = f"from {__name__} import _compile_share; _compile_share(%d, {cores}, {tuple(modules)})"
+    processes = [
+        subprocess.Popen(
+            [str(program), "-c", code % share],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        for share in range(1, cores)
+    ]
+    try:
+        _compile_share(0, cores, modules)
+        for process in processes:
+            process.wait()
+    except BaseException:
+        for process in processes:
+            process.kill()
+        raise
+    # What a process may have failed to compile is compiled by the call that needs it.
+    with suppress(OSError):  # a folder that cannot be written keeps no machine code either
+        stamp.touch()
+
+
+def _kernels(modules: Sequence[str]) -> list[tuple[Dispatcher, str]]:
+    for module in modules:
+        importlib.import_module(module)
+    return [entry for module in modules for entry in _declared.get(module, [])]
+
+
+def _stamp(modules: Sequence[str], kernels: Sequence[tuple[Dispatcher, str]]) -> Path | None:
+    """File that says that the kernels are compiled, beside them; None if none is to be compiled."""
+    if not kernels:
+        return None
+    state = [numba.__version__, sys.version, llvmlite.binding.get_host_cpu_name()]
+    state += [os.environ.get(name, "") for name in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")]
+    for module in modules:
+        source = Path(str(sys.modules[module].__file__)).stat()
+        state.append(f"{module} {source.st_mtime_ns} {source.st_size}")
+    digest = hashlib.sha256("\n".join(state).encode()).hexdigest()[:16]
+    return Path(str(kernels[0][0].stats.cache_path)) / f"kernels-{digest}.compiled"
+
+
+def _compile_share(share: int, shares: int, modules: Sequence[str]) -> None:
+    """Compile one of the shares: the largest kernels first, each to the share with the least."""
+    loads = [0] * shares
+    kernels = _kernels(modules)
+    mine = []
+    for kernel, signature in sorted(kernels, key=lambda entry: -_size(entry[0])):
+        least = loads.index(min(loads))
+        loads[least] += _size(kernel)
+        if least == share:
+            mine.append((kernel, signature))
+    for kernel, signature in mine:
+        # As calls do, which look for machine code by the types of the arguments alone.
+        arguments, _ = normalize_signature(signature)
+        kernel.compile(arguments)
+
+
+def _size(kernel: Dispatcher) -> int:
+    """Length of the byte code of a kernel and of what it calls: a guess at the time it takes."""
+    function = kernel.py_func
+    called = (function.__globals__.get(name) for name in function.__code__.co_names)
+    below = [_size(other) for other in called if isinstance(other, Dispatcher)]
+    return len(function.__code__.co_code) + sum(below)

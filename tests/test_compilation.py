@@ -1,0 +1,99 @@
+"""Kernels compiled ahead, side by side: into files that the calls then find."""
+
+import logging
+import os
+import subprocess
+import sys
+import textwrap
+
+import pytest
+
+from deformer import compilation
+
+KERNELS = """
+from numba import njit
+from deformer.compilation import called_with
+
+
+@called_with("f8(f8[::1])")
+@njit(cache=True)
+def total(x):
+    s = 0.0
+    for i in range(len(x)):
+        s += x[i]
+    return s
+
+
+@called_with("i8(i8, i8)")
+@njit(cache=True)
+def product(a, b):
+    return a * b
+"""
+
+
+def run(code, **environment):
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)],
+        env={**os.environ, **environment},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    return done.stdout
+
+
+@pytest.mark.slow
+def test_calls_find_what_two_processes_compiled_and_it_is_done_once(tmp_path):
+    (tmp_path / "kernels_of_a_test.py").write_text(KERNELS)
+    code = """
+        import logging, sys
+        import numpy as np
+        from deformer.compilation import compile_kernels
+        logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stdout)
+        compile_kernels(["kernels_of_a_test"], 2)
+        import kernels_of_a_test as k
+        assert k.total(np.ones(3)) == 3 and k.product(6, 7) == 42
+        print(sum(k.total.stats.cache_misses.values()), sum(k.product.stats.cache_misses.values()))
+    """
+    environment = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+    first, second = (run(code, **environment).split("\n") for _ in range(2))
+    assert first[0].startswith("compiling for this processor")
+    # This process compiled one kernel itself, the other process the other one.
+    assert sorted(first[1].split()) == ["0", "1"]
+    assert second[0] == "0 0"
+    (tmp_path / "kernels_of_a_test.py").write_text(KERNELS + "\n\nCHANGED = True\n")
+    assert run(code, **environment).startswith("compiling for this processor")
+
+
+@pytest.mark.slow
+def test_a_solve_calls_kernels_with_the_types_that_they_declare():
+    code = """
+        import deformer
+        from deformer import compilation
+        from numba.core.sigutils import normalize_signature
+        model = deformer.load_model("humanoid")
+        vertices = model.reference.vertices
+        for hard in (False, True):
+            solver = deformer.HandleSolver(model)
+            solver.set_handles([17, 300], vertices[[17, 300]] + 0.1, hard=hard)
+            solver.solve()
+        for module, kernels in compilation._declared.items():
+            for kernel, signature in kernels:
+                used = set(kernel.stats.cache_hits) | set(kernel.stats.cache_misses)
+                used = {u if isinstance(u, tuple) else u.args for u in used}
+                declared = normalize_signature(signature)[0]
+                print(module, kernel.__name__, len(used), used <= {declared})
+    """
+    rows = [line.split() for line in run(code).splitlines()]
+    assert len(rows) > 15
+    assert [row for row in rows if row[2:] != ["1", "True"]] == []
+
+
+def test_an_interpreter_within_another_program_is_not_started(monkeypatch, caplog, tmp_path):
+    started = []
+    monkeypatch.setattr(compilation, "_stamp", lambda modules, kernels: tmp_path / "none")
+    monkeypatch.setattr(subprocess, "Popen", lambda *a, **k: started.append(a))
+    monkeypatch.setattr(sys, "executable", "/opt/modeller/bin/modeller")
+    caplog.set_level(logging.INFO, logger="deformer")
+    compilation.compile_kernels(["deformer.linalg.sparse_cholesky"], 2)
+    assert not started and not caplog.messages
