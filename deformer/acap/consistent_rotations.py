@@ -31,6 +31,12 @@ WHOLE_TURN_RADIUS = 0.5 * math.pi
 _TURN = 2.0 * math.pi
 
 
+# Arguments that the compiled functions share: rotations R (V, 3, 3) and their principal logarithms
+# `principal` (V, 3); one-rings (indptr (V + 1,), rings) as `one_rings` returns them; the logarithms
+# r (V, 3) and the flags `bridged` (V,) of vertices that interpolate their neighbours, both changed
+# in place. Angles are radians.
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _nearest_log_(principal, target, out):
     """Out = the logarithm of the same rotation as `principal` that is nearest to `target`."""

@@ -30,6 +30,10 @@ from deformer.linalg.threads import CORES, run_calls
 _SMALLEST_PART = 8000
 
 
+# Arguments that the compiled functions share: `starts`, `bounds` and `rows` of a `Dissection`; the
+# blocks and their slices as `_factor` returns them; right-hand sides x (n, m), rows in the order of
+# elimination, which become the solutions in place.
+#
 # LAPACK and BLAS factor the dense blocks. The compiled functions are plain loops: with assignments
 # between slices, or with factorisations, they would take many times as long to compile.
 
