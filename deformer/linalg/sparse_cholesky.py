@@ -24,7 +24,7 @@ from scipy.linalg.lapack import (
 from deformer.compilation import called_with
 from deformer.geometry import FloatArray, IntArray
 from deformer.linalg.nested_dissection import Dissection, dissect
-from deformer.linalg.threads import CORES, run_calls
+from deformer.linalg.threads import CORES, one_blas_thread, run_calls
 
 # Parts below this many rows are not worth a thread of their own.
 _SMALLEST_PART = 8000
@@ -143,14 +143,14 @@ def _backward(first, last, starts, bounds, rows, slices, blocks, x):
         below = bounds[s] - w
         if columns == 1:
             # BLAS takes twice as long for a single column.
-            o = slices[s]
             for k in range(w):
                 sums[k] = 0
             for j in range(w + m):
                 u = x[lo + j if j < w else rows[below + j], 0]
+                o = slices[s] + j * w
+                row = blocks[o : o + w]  # an index o + k may be negative, which stops vectorising
                 for k in range(w):
-                    sums[k] += blocks[o + k] * u
-                o += w
+                    sums[k] += row[k] * u
             for k in range(w):
                 x[lo + k, 0] = sums[k]
             continue
@@ -306,7 +306,8 @@ class SparseCholesky:
         # Several tasks contribute to the rows from this one on.
         self._begin = int(plan.starts[plan.tasks[-1]])
         self._nodes = plan.starts, plan.bounds, plan.rows
-        self._slices, self._blocks = _factor(A, plan)
+        with one_blas_thread():  # numpy's and scipy's threads would spin against each other
+            self._slices, self._blocks = _factor(A, plan)
 
     @cached_property
     def _single(self) -> NDArray:
