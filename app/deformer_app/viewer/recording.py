@@ -33,18 +33,19 @@ class Recorder:
     """
 
     def __init__(self, editor: Editor) -> None:
-        """Begin with the next frame."""
+        """Begin with what the picture shows now."""
         self._editor = editor
         # Compressed, because a minute of pictures would need gigabytes.
         self._frames: list[bytes] = []
         self._times: list[float] = []
+        self._add(time.perf_counter())
         editor.on_change.append(self._hear)
 
     def _hear(self, change: Change) -> None:
         if not isinstance(change, FrameDrawn):
             return
         now = time.perf_counter()
-        soon = bool(self._times) and now - self._times[-1] < 1.0 / FPS
+        soon = now - self._times[-1] < 1.0 / FPS
         if not soon and len(self._frames) < _LONGEST:
             self._add(now)
 
@@ -55,9 +56,12 @@ class Recorder:
         self._times.append(now)
 
     def stop(self) -> Sequence[Picture]:
-        """End; return the frames at a steady rate, with pauses of at most half a second."""
+        """End; return the frames at a steady rate, with pauses of at most half a second.
+
+        Empty if nothing was drawn after the beginning.
+        """
         self._editor.on_change.remove(self._hear)
-        if not self._frames:
+        if len(self._frames) < 2:
             return []
         # The last frame may have come too soon after the one before it.
         self._add(time.perf_counter())
