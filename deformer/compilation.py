@@ -15,7 +15,6 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import TypeVar
 
@@ -50,12 +49,13 @@ def called_with(signature: str) -> Callable[[Kernel], Kernel]:
 def compile_kernels(modules: Sequence[str], cores: int) -> None:
     """Compile the kernels of modules, unless that has been done with this numba and processor.
 
-    It tells of it on the logger "deformer".
+    It warns of the wait on the logger "deformer". Threads and processes that need the same kernels
+    wait for the first of them.
 
     Args:
         modules: names of modules, already imported or not.
-        cores: number of processes, this one included. Where the interpreter is not a program of
-            its own, as within another application, nothing is done: calls then compile as ever.
+        cores: number of processes. With one, or where the interpreter is not a program of its own,
+            as within another application, nothing is done: calls then compile as ever.
     """
     program = Path(sys.executable or "")
     if cores < 2 or not program.stem.lower().startswith("python"):
@@ -64,9 +64,25 @@ def compile_kernels(modules: Sequence[str], cores: int) -> None:
     stamp = _stamp(modules, kernels)
     if stamp is None or stamp.exists():
         return
-    _log.info("compiling for this processor: some ten seconds, once")
+    from filelock import FileLock  # only for this: it imports asyncio
+
+    stamp.parent.mkdir(parents=True, exist_ok=True)
+    with FileLock(f"{stamp}.lock"):
+        if not stamp.exists():
+            _log.warning("compiling for this processor: some ten seconds, once")
+            _run_shares(program, cores, tuple(modules))
+            # What a process failed to compile is compiled by the call that needs it.
+            stamp.touch()
+
+
+def _run_shares(program: Path, shares: int, modules: tuple[str, ...]) -> None:
+    """Compile all shares, each in a process of its own.
+
+    None is compiled here: numba does not survive Ctrl-C while it compiles, and a window would move
+    by fits and starts.
+    """
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    code = f"from {__name__} import _compile_share; _compile_share(%d, {cores}, {tuple(modules)})"
+    code = f"from {__name__} import _compile_share; _compile_share(%d, {shares}, {modules})"
     processes = [
         subprocess.Popen(
             [str(program), "-c", code % share],
@@ -75,19 +91,14 @@ def compile_kernels(modules: Sequence[str], cores: int) -> None:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
-        for share in range(1, cores)
+        for share in range(shares)
     ]
     try:
-        _compile_share(0, cores, modules)
         for process in processes:
             process.wait()
-    except BaseException:
+    finally:
         for process in processes:
-            process.kill()
-        raise
-    # What a process may have failed to compile is compiled by the call that needs it.
-    with suppress(OSError):  # a folder that cannot be written keeps no machine code either
-        stamp.touch()
+            process.kill()  # after Ctrl-C; one that has ended is not there any more
 
 
 def _kernels(modules: Sequence[str]) -> list[tuple[Dispatcher, str]]:

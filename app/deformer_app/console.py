@@ -27,6 +27,10 @@ err = Console(stderr=True, highlight=False)
 out = Console(highlight=False)
 
 
+class Interrupted(Exception):
+    """Ctrl-C, after which a command has said what is kept and how to go on."""
+
+
 def run(app: typer.Typer, arguments: list[str] | None = None) -> int:
     """Run the application and return its exit status.
 
@@ -40,8 +44,12 @@ def run(app: typer.Typer, arguments: list[str] | None = None) -> int:
     given = given or ["--help"]
     try:
         status = app(args=given, prog_name="deformer", standalone_mode=False)
+        if status == INTERRUPTED:  # typer's answer to Ctrl-C
+            raise KeyboardInterrupt
     except (KeyboardInterrupt, typer.Abort):
         print("deformer: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except Interrupted:
         return INTERRUPTED
     except BrokenPipeError:  # the reader of the pipe has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

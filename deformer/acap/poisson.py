@@ -97,7 +97,14 @@ class PoissonSystem:
         return self.factor.solve(np.asarray(b, dtype=np.float64))
 
     def rhs(self, T: ArrayLike) -> FloatArray:
-        """Right-hand side b (V, 3) of deformation gradients T (V, 3, 3)."""
+        """Right-hand side b_i = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j).
+
+        Args:
+            T: (V, 3, 3) deformation gradients against the reference.
+
+        Returns:
+            (V, 3) float64, in the reference's units (cotangent weights have none).
+        """
         gradients = np.ascontiguousarray(T, dtype=np.float64)
         b = np.empty((len(gradients), 3))
         mesh = self.indptr, self.rings, self.c, self.reference.vertices

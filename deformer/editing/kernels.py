@@ -391,7 +391,10 @@ def add_green_functions(start, stop, green, push, shift, x):
 @called_with("void(i8, i8, i8[::1], f8[:, ::1], f8[::1], f4[:, ::1], f8[:, ::1])")
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def to_user_order(start, stop, order, Q, origin, x, out):
-    """out_order[i] = Q x_i + origin."""
+    """out_order[i] = Q x_i + origin: from the blocks' order (n, 3) to the vertices' (V, 3).
+
+    Q (3, 3) and origin (3,) are the rigid motion; `order` (V,) is the vertex in each place.
+    """
     for i in range(start, stop):
         a, b, c = x[i, 0], x[i, 1], x[i, 2]
         for d in range(3):

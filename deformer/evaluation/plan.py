@@ -211,7 +211,14 @@ class Job:
 
 
 def make_plan(studies: list[Study]) -> list[Job]:
-    """Jobs of all studies. A training that several protocols or studies need is one job."""
+    """Jobs of all studies.
+
+    Args:
+        studies: what is to be measured: shapes, methods, protocols, splits.
+
+    Returns:
+        One job a training, with the measurements of every protocol and study that needs it.
+    """
     measurements: dict[Training, dict[Measurement, None]] = {}
     for study in studies:
         for training, measurement in _measurements(study):

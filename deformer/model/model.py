@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 # properties that use them: `deformer info` computes nothing and never loads it.
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DeformationModel:
     """A deformation prior learned from example shapes.
 
@@ -71,6 +71,13 @@ class DeformationModel:
         """Check the names."""
         checked = check_names(self.component_names, self.components)
         object.__setattr__(self, "component_names", checked)
+
+    def __repr__(self) -> str:
+        """One line: how many vertices, components and training shapes."""
+        return (
+            f"DeformationModel({len(self.reference.vertices)} vertices, {self.components} "
+            f"components, {len(self.codes)} training shapes)"
+        )
 
     def with_component_names(self, names: Mapping[int, str]) -> DeformationModel:
         """A copy with names for some components; the others keep theirs.
@@ -196,7 +203,9 @@ class DeformationModel:
         Raises:
             InputError: another shape of the array, or a position that is not finite.
         """
-        from deformer.model.whole_shapes import encode_shapes
+        from deformer.model.whole_shapes import (
+            encode_shapes,  # not to read a model: it imports numba
+        )
 
         return encode_shapes(self, vertices)
 
@@ -217,7 +226,7 @@ class DeformationModel:
         Raises:
             InputError: as `encode`.
         """
-        from deformer.model.whole_shapes import fit_shapes
+        from deformer.model.whole_shapes import fit_shapes  # not to read a model: it imports numba
 
         return fit_shapes(self, vertices, iterations)
 
@@ -252,7 +261,7 @@ class DeformationModel:
 
     def tangents(self, z: FloatArray) -> FloatArray:
         """Derivative (K, 3V) of decoded positions by the latent code z (K,), centroid fixed."""
-        from deformer.model.whole_shapes import tangents
+        from deformer.model.whole_shapes import tangents  # not to read a model: it imports numba
 
         return tangents(self, z)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -9,7 +11,9 @@ from deformer.acap import extract_all, gradient_tangents
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, align
 from deformer.linalg import Damping, damped_step, descend
-from deformer.model.model import DeformationModel
+
+if TYPE_CHECKING:
+    from deformer.model.model import DeformationModel
 
 # Latent components whose tangents are solved for at once: bounds memory.
 _TANGENT_BATCH = 10

@@ -99,11 +99,27 @@ class GraphConv(nn.Module):
         nn.init.xavier_uniform_(self.neighbour)
 
     def forward(self, x: Tensor, mean: Tensor) -> Tensor:
-        """Encoder direction: output (…, d') for x and its ring mean, both (…, d)."""
+        """Encoder direction.
+
+        Args:
+            x: (…, d), d features a vertex.
+            mean: (…, d) its mean over each one-ring.
+
+        Returns:
+            (…, d').
+        """
         return x @ self.point.T + mean @ self.neighbour.T + self.bias
 
     def back(self, y: Tensor, mean: Tensor) -> Tensor:
-        """Decoder direction, with transposed weights: (…, d) for y and its ring mean (…, d')."""
+        """Decoder direction, with the transposed weights.
+
+        Args:
+            y: (…, d') what the encoder direction puts out.
+            mean: (…, d') its mean over each one-ring.
+
+        Returns:
+            (…, d).
+        """
         return y @ self.point + mean @ self.neighbour + self.bias_back
 
 

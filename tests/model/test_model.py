@@ -439,3 +439,8 @@ def test_scale_does_not_matter():
 def test_reference_shape_matters_for_a_tube_of_another_mesh():
     with pytest.raises(InputError):
         small_model().encode(tube(8, 16).vertices)
+
+
+def test_a_printed_model_is_a_line():
+    model = load_model("humanoid")
+    assert repr(model) == "DeformationModel(3400 vertices, 40 components, 200 training shapes)"

@@ -141,7 +141,7 @@ def evaluate(
             result = evaluating.run(paths, output, options, chosen, processes, report)
     except KeyboardInterrupt:
         console.note("Interrupted: what is finished is kept; the same command goes on.")
-        raise typer.Exit(console.INTERRUPTED) from None
+        raise console.Interrupted from None
     if as_json:
         console.emit(result)
         return

@@ -171,7 +171,7 @@ def train(
     if interrupted:
         console.note(f"Interrupted: saved the best model so far to {output}.")
         console.note(f"To go on: {_command_to_resume()}")
-        raise typer.Exit(console.INTERRUPTED)
+        raise console.Interrupted
     console.note(f"Saved {output}.")
 
 

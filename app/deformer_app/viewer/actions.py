@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+from deformer import io
 from deformer_app.viewer.colouring import COLOURINGS
 from deformer_app.viewer.editor import Editor
 from deformer_app.viewer.exports import export_handles, export_pose, save_screenshot
 from deformer_app.viewer.mirror_plane import AXES
 
 MENUS = ("File", "Edit", "Handles", "View", "Help")
-MESH_FILES = "Meshes (*.ply *.obj *.stl *.glb *.off)"
+MESH_FILES = f"Meshes ({' '.join(f'*{suffix}' for suffix in io.MESH_SUFFIXES)})"
 
 
 class Shell(Protocol):

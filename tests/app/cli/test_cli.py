@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,10 @@ import pytest
 
 import deformer
 from bars import bending_bar
+from deformer.linalg import CORES
 from deformer_app import console
 from deformer_app.cli import main as cli
-from waiting import HANG
+from waiting import HANG, wait_for
 
 COMMANDS = ["check", "train", "info", "fit", "evaluate", "edit", "demo"]
 DEFORMER = [sys.executable, "-c", "from deformer_app.cli.main import main; main()"]
@@ -212,6 +214,42 @@ def test_train_reports_progress_on_stderr_only(run, shapes_path, tmp_path):
     assert status == 0
     assert json.loads(out)["components"] == 2
     assert "3/3" in err and "sparsity" in err
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+@pytest.mark.skipif(CORES < 2, reason="one core compiles when it calls")
+@pytest.mark.parametrize("wait", [0.0, 1.5, 4.0])
+def test_ctrl_c_while_kernels_are_compiled_is_a_line(tmp_path, wait):
+    handles = tmp_path / "handles.json"
+    handles.write_text('{"handles": [{"vertex": 17, "position": [0.1, 0.5, 0.2]}]}')
+    command = [*DEFORMER, "fit", "humanoid", str(handles), "-o", str(tmp_path / "pose.ply")]
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
+    # A session of its own stands for a terminal, whose Ctrl-C reaches all its processes.
+    process = subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True
+    )
+    try:
+        assert process.stderr is not None
+        told = process.stderr.readline()
+        time.sleep(wait)
+        os.killpg(process.pid, signal.SIGINT)
+        _, err = process.communicate(timeout=HANG)
+    finally:
+        process.kill()
+    assert told.startswith("compiling for this processor")
+    assert (process.returncode, err) == (130, "deformer: interrupted\n")
+    assert not (tmp_path / "pose.ply").exists()
+    wait_for(lambda: not alive(process.pid))
+
+
+def alive(group):
+    """True while a process of the group runs."""
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 @pytest.mark.slow
