@@ -56,6 +56,7 @@ from .io import (
 )
 from .model import (
     DeformationModel as DeformationModel,
+    check_model_folder as check_model_folder,
     load_model as load_model,
     save_names as save_names,
     shipped_models as shipped_models,
@@ -67,5 +68,8 @@ from .network import (
 )
 from .training import (
     TrainingProgress as TrainingProgress,
+    check_checkpoint as check_checkpoint,
+    has_checkpoint as has_checkpoint,
+    remove_checkpoint as remove_checkpoint,
     train as train,
 )

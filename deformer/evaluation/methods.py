@@ -7,13 +7,12 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from shutil import rmtree
 
 from deformer.baselines import METHODS, Autoencoder, LinearComponents, PosingMethod
 from deformer.geometry import MeshSequence
 from deformer.model import DeformationModel, load_model
 from deformer.network import resolve_config
-from deformer.training import has_checkpoint, train
+from deformer.training import has_checkpoint, remove_checkpoint, train
 
 
 @dataclass(frozen=True)
@@ -159,7 +158,6 @@ def _train_network(
     )
     if model.summary["interrupted"]:
         raise KeyboardInterrupt
-    cache.parent.mkdir(parents=True, exist_ok=True)
     model.save(cache)
-    rmtree(checkpoint, ignore_errors=True)
+    remove_checkpoint(checkpoint)
     return model

@@ -1,6 +1,7 @@
 from .atomic import (
     atomic_directory as atomic_directory,
     atomic_path as atomic_path,
+    check_directory as check_directory,
 )
 from .json_files import (
     HandleFile as HandleFile,

@@ -52,6 +52,7 @@ def atomic_path(path: PathLike) -> Iterator[Path]:
 
     Raises:
         InputError: the directory is missing or not writable, or `path` is a directory.
+        OSError: writing failed; its `filename` is `path`.
     """
     target = Path(path)
     if target.is_dir():
@@ -60,8 +61,20 @@ def atomic_path(path: PathLike) -> Iterator[Path]:
     try:
         yield temporary
         temporary.replace(target)
+    except OSError as error:
+        _name_target(error, target, temporary)
+        raise
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def check_directory(path: PathLike, replaceable: Callable[[Path], bool]) -> None:
+    """Raise the InputError that `atomic_directory` would raise, before there is anything to write.
+
+    Args:
+        path, replaceable: as in `atomic_directory`.
+    """
+    _temporary_directory(_checked(path, replaceable)).rmdir()
 
 
 @contextmanager
@@ -74,23 +87,12 @@ def atomic_directory(path: PathLike, replaceable: Callable[[Path], bool]) -> Ite
             directory is replaced, as a whole, only if this is true for all its entries.
 
     Raises:
-        InputError: the parent is missing or not writable, `path` is a file, or an existing
-            directory contains something else.
+        InputError: the parent is missing or not writable, `path` is a file or a mount point, or
+            an existing directory contains something else.
+        OSError: writing failed; its `filename` is `path`.
     """
-    target = Path(path)
-    if target.exists() and not target.is_dir():
-        raise InputError(f"{target}: is a file, expected a directory name; choose another name")
-    if target.is_dir():
-        foreign = sorted(entry.name for entry in target.iterdir() if not replaceable(entry))
-        if foreign:
-            raise InputError(
-                f"{target}: already holds {foreign[0]!r}, expected an empty directory or one "
-                "written by the same command; choose another directory or move that file away"
-            )
-    # Without a trailing separator or dots: the temporary name is made from parent and stem.
-    target = target.resolve()
-    temporary = _temporary_name(target)
-    temporary.mkdir()
+    target = _checked(path, replaceable)
+    temporary = _temporary_directory(target)
     try:
         yield temporary
         if target.is_dir():
@@ -104,5 +106,44 @@ def atomic_directory(path: PathLike, replaceable: Callable[[Path], bool]) -> Ite
             shutil.rmtree(old)
         else:
             temporary.rename(target)
+    except OSError as error:
+        _name_target(error, target, temporary)
+        raise
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _checked(path: PathLike, replaceable: Callable[[Path], bool]) -> Path:
+    """The directory `path` without links, trailing separator or dots, if it may be replaced."""
+    target = Path(path)
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{target}: is a file, expected a directory name; choose another name")
+    if os.path.ismount(target):
+        raise InputError(f"{target}: is a mount point; name a directory inside it")
+    if target.is_dir():
+        foreign = sorted(entry.name for entry in target.iterdir() if not replaceable(entry))
+        if foreign:
+            raise InputError(
+                f"{target}: already holds {foreign[0]!r}, expected an empty directory or one "
+                "written by the same command; choose another directory or move that file away"
+            )
+    return target.resolve()
+
+
+def _temporary_directory(target: Path) -> Path:
+    """A new directory beside `target`."""
+    temporary = _temporary_name(target)
+    try:
+        temporary.mkdir()
+    except OSError as error:  # a system that is read-only, full, or no place for directories
+        raise InputError(
+            f"{target}: cannot be created ({error.strerror}); choose another place"
+        ) from error
+    return temporary
+
+
+def _name_target(error: OSError, target: Path, temporary: Path) -> None:
+    """Make an error of writing to `temporary` one of `target`, for the reader of its message."""
+    # A full disk is told without a file.
+    if error.errno is not None and temporary.name in str(error.filename or temporary):
+        error.filename = str(target)

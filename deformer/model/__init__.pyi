@@ -17,6 +17,7 @@ from .rigid_prior import (
     fit_rigid_prior as fit_rigid_prior,
 )
 from .storage import (
+    check_model_folder as check_model_folder,
     load_model as load_model,
     save_names as save_names,
     shipped_models as shipped_models,

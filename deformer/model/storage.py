@@ -17,7 +17,7 @@ from safetensors.numpy import load_file, save
 from deformer.acap import FeatureScaler
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, connectivity_hash
-from deformer.io import atomic_directory, load_mesh, save_mesh, write_json
+from deformer.io import atomic_directory, check_directory, load_mesh, save_mesh, write_json
 from deformer.model.bend_limits import BendLimits
 from deformer.model.latent_prior import LatentPrior
 from deformer.model.model import DeformationModel
@@ -26,6 +26,15 @@ from deformer.network import ModelConfig, NetworkWeights
 
 FORMAT_VERSION = 2
 _FILES = ("model.json", "reference.ply", "weights.safetensors")
+
+
+def check_model_folder(path: str | Path) -> None:
+    """Check, before there is a model, that `save_model` can write one to `path`.
+
+    Raises:
+        InputError: as `save_model` would raise.
+    """
+    check_directory(path, _replaceable)
 
 
 def save_model(model: DeformationModel, path: str | Path) -> None:
@@ -37,8 +46,9 @@ def save_model(model: DeformationModel, path: str | Path) -> None:
 
     Raises:
         InputError: the directory contains other files, or its parent does not exist.
+        OSError: writing failed.
     """
-    with atomic_directory(path, lambda entry: entry.name in (*_FILES, "README.md")) as folder:
+    with atomic_directory(path, _replaceable) as folder:
         save_mesh(folder / "reference.ply", model.reference)
         arrays: dict[str, NDArray] = {f"network.{k}": v for k, v in model.weights.arrays.items()}
         arrays["codes"] = model.codes
@@ -70,6 +80,11 @@ def save_model(model: DeformationModel, path: str | Path) -> None:
         }
         description["sha256"]["model.json"] = _digest_of_description(description)
         write_json(folder / "model.json", description)
+
+
+def _replaceable(entry: Path) -> bool:
+    """True for a file of a model, which a new model replaces."""
+    return entry.name in (*_FILES, "README.md") and entry.is_file()
 
 
 def _names_as_json(names: Mapping[int, str]) -> dict[str, str]:

@@ -1,5 +1,7 @@
 from .checkpoints import (
+    check_checkpoint as check_checkpoint,
     has_checkpoint as has_checkpoint,
+    remove_checkpoint as remove_checkpoint,
 )
 from .cross_validation import (
     HandleFit as HandleFit,

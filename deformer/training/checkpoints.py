@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +13,42 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file, save_file
 
 from deformer.errors import InputError
-from deformer.io import atomic_path
+from deformer.io import atomic_path, check_directory
 
 _FORMAT = 1
 _FILE = "checkpoint.json"
+# Names of the files of a checkpoint, and of those that a killed process left half written.
+_WRITTEN = re.compile(r"(\.)?(checkpoint|epoch-\d{7})(?(1)-[\da-f-]+)\.(json|safetensors)")
 
 
 def has_checkpoint(folder: str | Path) -> bool:
     """True if `folder` contains a checkpoint."""
     return (Path(folder) / _FILE).is_file()
+
+
+def check_checkpoint(folder: str | Path) -> None:
+    """Check, before work starts, that checkpoints can be written to `folder`.
+
+    Raises:
+        InputError: it holds other files, is a file, or cannot be created.
+    """
+    check_directory(folder, _is_written)
+
+
+def remove_checkpoint(folder: str | Path) -> None:
+    """Remove a checkpoint, and `folder` if that was all it held."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        return
+    # The description first: what a crash leaves of the others is then no checkpoint.
+    for path in sorted(filter(_is_written, folder.iterdir()), key=lambda p: p.name != _FILE):
+        path.unlink()
+    if not any(folder.iterdir()) and not folder.is_symlink():
+        folder.rmdir()
+
+
+def _is_written(path: Path) -> bool:
+    return path.is_file() and _WRITTEN.fullmatch(path.name) is not None
 
 
 def save_checkpoint(

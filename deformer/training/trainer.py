@@ -13,7 +13,7 @@ from deformer.geometry import MeshSequence, align, e_rms
 from deformer.linalg import resolve_device
 from deformer.model import DeformationModel
 from deformer.network import FactorisationSettings, ModelConfig, resolve_config
-from deformer.training.checkpoints import has_checkpoint
+from deformer.training.checkpoints import check_checkpoint, has_checkpoint, remove_checkpoint
 from deformer.training.loop import ProgressCallback, TrainingProgress, TrainingResult
 from deformer.training.settings_search import SettingsSearch
 from deformer.training.training_set import TrainingSet
@@ -50,7 +50,7 @@ def train(
         seed: seed of weights and mixed shapes.
         device: "cpu", "cuda", "mps" or "auto".
         up: axis of the shapes that points up, "x" to "z" or "-x" to "-z"; kept for pictures.
-        checkpoint: folder for checkpoints, or None.
+        checkpoint: folder for checkpoints, or None; an old checkpoint there is replaced.
         resume: continue from `checkpoint`.
         on_progress: called during feature extraction and after every epoch.
 
@@ -83,6 +83,12 @@ def train(
     base = shapes.mesh(reference)
     # Before the training, so that an invalid index is reported at once.
     test_shapes = shapes.subset(split["test"]).vertices if split["test"] else None
+
+    if checkpoint is not None:
+        Path(checkpoint).absolute().parent.mkdir(parents=True, exist_ok=True)
+        check_checkpoint(checkpoint)
+        if not resume:
+            remove_checkpoint(checkpoint)
 
     def on_features(done: int, total: int) -> None:
         if on_progress is not None:

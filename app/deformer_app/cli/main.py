@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import shlex
-import shutil
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -145,7 +146,7 @@ def train(
     sequence = _load_shapes(shapes)
     _refuse_unusable(shapes, sequence)
     parts = io.load_split(split, len(sequence)) if split else None
-    with console.training_progress() as report:
+    with _kept_if_not_written(checkpoint), console.training_progress() as report:
         model = deformer.train(
             sequence,
             components,
@@ -160,10 +161,10 @@ def train(
             resume=resume,
             on_progress=report,
         )
-    model.save(output)
+        model.save(output)
     interrupted = bool(model.summary.get("interrupted"))
     if not interrupted:
-        shutil.rmtree(checkpoint, ignore_errors=True)
+        deformer.remove_checkpoint(checkpoint)
     if as_json:
         console.emit({"model": str(output), **_describe(model)})
     else:
@@ -418,20 +419,35 @@ def _refuse_unusable(path: Path, shapes: MeshSequence) -> None:
 
 def _prepare_output(output: Path, resume: bool) -> Path:
     """Check the model's directory before training starts; return that of the checkpoints."""
-    from deformer import InputError
+    import deformer
 
-    if output.exists() and not output.is_dir():
-        raise InputError(f"{output}: is a file, expected a directory for the model; choose another")
-    if output.is_dir() and any(output.iterdir()) and not any(output.glob("*.safetensors")):
-        raise InputError(f"{output}: holds something other than a model; choose another directory")
-    checkpoint = output.with_name(output.name + ".checkpoint")
-    if resume and not checkpoint.is_dir():
-        raise InputError(f"{checkpoint}: no checkpoint to resume from; leave out --resume")
-    if not resume and checkpoint.is_dir():
+    if output.name in ("", ".."):  # as of "."
+        output = output.resolve()
+    checkpoint = output.parent / f"{output.name}.checkpoint"
+    if resume and not deformer.has_checkpoint(checkpoint):
+        raise deformer.InputError(f"{checkpoint}: no checkpoint to resume from; leave out --resume")
+    output.parent.mkdir(parents=True, exist_ok=True)
+    deformer.check_model_folder(output)
+    deformer.check_checkpoint(checkpoint)
+    if not resume and deformer.has_checkpoint(checkpoint):
         console.warn(f"replacing the checkpoint {checkpoint}; --resume would go on from it")
-        shutil.rmtree(checkpoint)
-    output.absolute().parent.mkdir(parents=True, exist_ok=True)
     return checkpoint
+
+
+@contextmanager
+def _kept_if_not_written(checkpoint: Path) -> Iterator[None]:
+    """If writing fails in the block, name the file, and the command that goes on afterwards."""
+    import deformer
+
+    try:
+        yield
+    except OSError as error:
+        if not deformer.has_checkpoint(checkpoint):
+            raise
+        raise deformer.InputError(
+            f"{error.filename or 'system'}: {error.strerror or error}; what is finished is kept "
+            f"in {checkpoint}; once there is room: {_command_to_resume()}"
+        ) from error
 
 
 def _command_to_resume() -> str:

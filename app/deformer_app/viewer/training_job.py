@@ -46,6 +46,7 @@ class TrainingJob:
 
     def _run(self, source: Path, components: int, epochs: int | None, up: str) -> None:
         try:
+            deformer.check_model_folder(self.output)
             shapes = deformer.load_shapes(source, self._loading)
             report = examine(shapes)
             if not report.usable:
