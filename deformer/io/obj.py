@@ -8,9 +8,10 @@ import numpy as np
 
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
-from deformer.io.parsing import corner_indices, fan_triangles, positions
+from deformer.io.parsing import corner_indices, fan_triangles, plain_text, positions
 
-_CONTINUED = re.compile(rb"^[ \t]*[vf](?=[ \t\\])(?:[^\n]*\\\r?\n)+", re.MULTILINE)
+_CONTINUED = re.compile(rb"^[ \t]*[vfVF](?=[ \t\\])(?:[^\n]*\\\r?\n)+", re.MULTILINE)
+_UPPER = re.compile(rb"^ *[VF] ", re.MULTILINE)
 
 
 class ObjReader:
@@ -36,7 +37,7 @@ class ObjReader:
         Raises:
             InputError: no vertices or faces, garbage, or a face index out of range.
         """
-        text = _normalised(data)
+        text = _normalised(plain_text(data, name))
         lines = [line.strip() for line in text.split(b"\n")]
         rows = [line.split() for line in lines if line[:2] == b"v " or line == b"v"]
         if not rows:
@@ -58,16 +59,18 @@ class ObjReader:
 
 
 def _normalised(data: bytes) -> bytes:
-    """Tabs, continuations and a byte order mark as spaces, and every line end as a line feed."""
+    """Tabs and continuations as spaces, line ends as line feeds, keywords in lower case."""
     if b"\n" not in data:
         data = data.replace(b"\r", b"\n")
-    if data.startswith(b"\xef\xbb\xbf"):
-        data = data[3:]
     if b"\\" in data:
         # Only v and f statements are continued: a comment or path may end in a backslash by chance.
         # \v replaces the line end, so that lines can still be counted.
         data = _CONTINUED.sub(lambda m: re.sub(rb"\\\r?\n", b" \v", m[0]), data)
-    return data.replace(b"\t", b" ")
+    data = data.replace(b"\t", b" ")
+    # Most files have neither letter, and looking for them takes no time.
+    if b"V " in data or b"F " in data:
+        data = _UPPER.sub(lambda m: m[0].lower(), data)
+    return data
 
 
 def _line_of(text: bytes, keyword: bytes, index: int) -> str:
@@ -101,7 +104,7 @@ def _faces(
         is_face = np.array([line[:2] == b"f " or line == b"f" for line in lines])
         seen = np.cumsum(is_vertex)[is_face]
         corners = np.where(raw < 0, raw + np.repeat(seen, counts), corners)
-    return fan_triangles(corners, counts, vertex_count, name, where, shown=raw, first=1)
+    return fan_triangles(corners, counts, vertex_count, name, where, written=raw, first=1)
 
 
 def write_obj(vertices: FloatArray, faces: IntArray) -> bytes:

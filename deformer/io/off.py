@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
-from deformer.io.parsing import corner_indices, fan_triangles, positions
+from deformer.io.parsing import (
+    corner_indices,
+    fan_triangles,
+    item_count,
+    plain_text,
+    positions,
+    shown,
+)
 
 # In these variants x y z lead every vertex line; colours, normals and texture coordinates follow.
-_HEADERS = (b"OFF", b"COFF", b"NOFF", b"CNOFF", b"STOFF", b"STCOFF", b"STNOFF", b"STCNOFF")
+# All in capitals or none: nOFF is another format, with points of n coordinates.
+_HEADER = re.compile(rb"(ST)?C?N?OFF|(st)?c?n?off")
+# Files of the ModelNet collection have the first count right after the keyword: "OFF8 6 0".
+_COUNT_IN_KEYWORD = re.compile(rb"\s*(?:OFF|off)(?=\d)")
 
 
 def read_off(data: bytes, name: str) -> tuple[FloatArray, IntArray]:
@@ -23,6 +35,9 @@ def read_off(data: bytes, name: str) -> tuple[FloatArray, IntArray]:
         InputError: a variant other than plain 3D text, a short file, garbage, or a face index
             out of range.
     """
+    data = plain_text(data, name)
+    if keyword := _COUNT_IN_KEYWORD.match(data):
+        data = keyword[0] + b" " + data[keyword.end() :]
     plain = _read_plain_triangles(data)
     if plain is not None:
         return plain
@@ -32,7 +47,7 @@ def read_off(data: bytes, name: str) -> tuple[FloatArray, IntArray]:
         if row:
             rows.append(row)
             numbers.append(number)
-    if not rows or rows[0][0] not in _HEADERS or b"BINARY" in rows[0]:
+    if not rows or not _HEADER.fullmatch(rows[0][0]) or b"BINARY" in rows[0]:
         found = rows[0][0][:20].decode("utf-8", "replace") if rows else "nothing"
         raise InputError(
             f"{name}: starts with {found!r}, expected 'OFF'; export it as text OFF with 3D points"
@@ -42,30 +57,36 @@ def read_off(data: bytes, name: str) -> tuple[FloatArray, IntArray]:
     start = 1
     if not head and len(rows) > 1:
         head, start = rows[1], 2
-    try:
-        vertex_count, face_count = int(head[0]), int(head[1])
-    except (ValueError, IndexError):
+    vertex_count, face_count = (item_count(token) for token in (*head, b"", b"")[:2])
+    if vertex_count < 0 or face_count < 0:
         raise InputError(
-            f"{name}, line {numbers[start - 1]}: expected the counts of vertices and faces; "
-            "export the file again"
-        ) from None
-    if vertex_count <= 0:
+            f"{name}, line {numbers[start - 1]}: found {shown(head)}, expected the counts of "
+            "vertices and faces; export the file again"
+        )
+    if vertex_count == 0:
         raise InputError(f"{name}: no vertices, expected at least 3; export the file again")
     found = len(rows) - start
-    if face_count < 0 or found < vertex_count + face_count:
+    if found < vertex_count + face_count:
         raise InputError(
             f"{name}: {found} lines follow the counts, expected {vertex_count} vertices and "
             f"{face_count} faces; the file is cut short, export it again"
         )
     middle = start + vertex_count
+    end = middle + face_count
+    if end < len(rows):
+        raise InputError(
+            f"{name}, line {numbers[end]}: found {shown(rows[end])} after {vertex_count} vertices "
+            f"and {face_count} faces, expected the end of the file; correct the counts or remove "
+            "the rest"
+        )
     vertices = positions(rows[start:middle], 0, name, lambda i: f"line {numbers[start + i]}")
 
     def where(i: int) -> str:
         return f"line {numbers[middle + i]}"
 
     polygons = []
-    for i, row in enumerate(rows[middle : middle + face_count]):
-        count = int(row[0]) if row[0].isdigit() else -1
+    for i, row in enumerate(rows[middle:end]):
+        count = item_count(row[0])
         if count < 0 or len(row) < 1 + count:
             raise InputError(
                 f"{name}, {where(i)}: expected a corner count and as many vertex indices; "
@@ -82,7 +103,7 @@ def _read_plain_triangles(data: bytes) -> tuple[FloatArray, IntArray] | None:
     It ignores line ends and is about three times as fast as the full reader.
     """
     tokens = data.split()
-    if tokens[:1] != [b"OFF"] or b"_" in data:
+    if tokens[:1] not in ([b"OFF"], [b"off"]) or b"_" in data:
         return None
     try:
         vertex_count, face_count = int(tokens[1]), int(tokens[2])

@@ -1,7 +1,8 @@
-"""Shared parts of the mesh file readers: numbers, face indices, triangulation of polygons."""
+"""Shared parts of the mesh file readers: text, numbers, face indices, triangulation of polygons."""
 
 from __future__ import annotations
 
+import codecs
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -11,6 +12,37 @@ from deformer.geometry import FloatArray, IntArray
 
 # Where item number i is in the file, for an error message: "line 12", "face 3".
 Where = Callable[[int], str]
+
+
+def plain_text(data: bytes, name: str) -> bytes:
+    """Text of a file in an encoding that extends ASCII, without a byte order mark.
+
+    Args:
+        data: contents of the file; a mark at its start says UTF-8 or UTF-16.
+        name: file name for messages.
+
+    Raises:
+        InputError: the file is marked as UTF-16 and is not.
+    """
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        try:
+            return data.decode("utf-16").encode("utf-8")
+        except UnicodeDecodeError as error:
+            raise InputError(
+                f"{name}: starts as UTF-16 text and ends or breaks at byte {error.start}; export "
+                "the file again"
+            ) from None
+    return data.removeprefix(codecs.BOM_UTF8)
+
+
+def item_count(token: bytes | str) -> int:
+    """Value of a count, or −1 if `token` is no unsigned integer of at most 18 digits."""
+    return int(token) if token.isdigit() and len(token) <= 18 else -1
+
+
+def shown(tokens: Sequence[bytes]) -> str:
+    """Tokens of a line for a message, cut to 60 characters."""
+    return repr(b" ".join(tokens)[:60].decode("utf-8", "replace"))
 
 
 def positions(rows: Sequence[Sequence[bytes]], start: int, name: str, where: Where) -> FloatArray:
@@ -39,7 +71,7 @@ def positions(rows: Sequence[Sequence[bytes]], start: int, name: str, where: Whe
         found = row[start : start + 3]
         if len(found) != 3 or not all(_is_finite_number(token) for token in found):
             raise InputError(
-                f"{name}, {where(i)}: found {_shown(found)} as a position, expected three finite "
+                f"{name}, {where(i)}: found {shown(found)} as a position, expected three finite "
                 "numbers; correct the line or export the file again"
             )
     raise InputError(f"{name}: positions cannot be read; export the file again")
@@ -50,10 +82,6 @@ def _is_finite_number(token: bytes) -> bool:
         return b"_" not in token and bool(np.isfinite(float(token)))
     except ValueError:
         return False
-
-
-def _shown(tokens: Sequence[bytes]) -> str:
-    return repr(b" ".join(tokens)[:60].decode("utf-8", "replace"))
 
 
 def corner_indices(
@@ -78,7 +106,7 @@ def corner_indices(
         pass
     bad = next(i for i, row in enumerate(rows) if not all(_is_index(token) for token in row))
     raise InputError(
-        f"{name}, {where(bad)}: found {_shown(rows[bad])} as a face, expected vertex indices; "
+        f"{name}, {where(bad)}: found {shown(rows[bad])} as a face, expected vertex indices; "
         "correct the line or export the file again"
     )
 
@@ -96,7 +124,7 @@ def fan_triangles(
     vertex_count: int,
     name: str,
     where: Where,
-    shown: IntArray | None = None,
+    written: IntArray | None = None,
     first: int = 0,
 ) -> IntArray:
     """Split polygons into triangles (F, 3), as fans around the first corner of each.
@@ -109,7 +137,7 @@ def fan_triangles(
         vertex_count: vertices of the mesh.
         name: file name for messages.
         where: describes polygon i for messages.
-        shown: the indices as written in the file, for messages; `corners` if not given.
+        written: the indices as the file has them, for messages; `corners` if not given.
         first: index of the first vertex in the file's own counting, for messages.
 
     Raises:
@@ -126,7 +154,7 @@ def fan_triangles(
     bad = np.flatnonzero((corners < 0) | (corners >= vertex_count))
     if len(bad):
         face = int(np.searchsorted(np.cumsum(counts), bad[0], side="right"))
-        found = (corners if shown is None else shown)[bad[0]]
+        found = (corners if written is None else written)[bad[0]]
         raise InputError(
             f"{name}, {where(face)}: found vertex index {found}, expected "
             f"{first}…{vertex_count - 1 + first}; remove the face or add the missing vertices"
