@@ -6,9 +6,17 @@ import numpy as np
 
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
-from deformer.io.parsing import positions
+from deformer.io.parsing import plain_text, positions, shown
 
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+# The lines of one facet of text: the words each begins with, and how many it has with its numbers.
+_FACET = (
+    ([b"facet", b"normal"], 5),
+    ([b"outer", b"loop"], 2),
+    *[([b"vertex"], 4)] * 3,
+    ([b"endloop"], 1),
+    ([b"endfacet"], 1),
+)
 
 
 class StlReader:
@@ -62,35 +70,66 @@ class StlReader:
 
 
 def _corners(data: bytes, name: str) -> FloatArray:
-    count = int.from_bytes(data[80:84], "little")
-    if len(data) >= 84 and len(data) == 84 + 50 * count:
-        corners = np.frombuffer(data, _TRIANGLE, count, 84)["corners"].reshape(-1, 3)
-        corners = corners.astype(np.float64)
-        bad = np.flatnonzero(~np.isfinite(corners).all(axis=1))
-        if len(bad):
-            raise InputError(
-                f"{name}, triangle {bad[0] // 3}: found {corners[bad[0]].tolist()}, expected "
-                "finite positions; repair the triangle"
-            )
-    elif data.lstrip()[:5].lower() == b"solid":
-        found = [
-            (number, row)
-            for number, row in enumerate((line.split() for line in data.splitlines()), 1)
-            if row[:1] == [b"vertex"]
-        ]
-        rows = [row for _, row in found]
-        corners = positions(rows, 1, name, lambda i: f"line {found[i][0]}")
+    """Positions (3F, 3) of the corners of all triangles, in the file's order."""
+    text = plain_text(data, name)
+    # The header of a binary file may begin with "solid", too.
+    if text.lstrip()[:5].lower() == b"solid" and b"\0" not in text:
+        corners = _text_corners(text, name)
     else:
+        corners = _binary_corners(data, name)
+    if len(corners) == 0:
+        raise InputError(f"{name}: no triangles, expected at least one; export the file again")
+    return corners
+
+
+def _binary_corners(data: bytes, name: str) -> FloatArray:
+    count = int.from_bytes(data[80:84], "little")
+    extra = len(data) - 84 - _TRIANGLE.itemsize * count
+    # Some programs append a few bytes; from the size of a triangle on, a triangle would be lost.
+    if len(data) < 84 or not 0 <= extra < _TRIANGLE.itemsize:
         raise InputError(
             f"{name}: {len(data)} bytes, expected 84 + 50 for each of {count} triangles or text "
             "that starts with 'solid'; export the file again"
         )
-    if len(corners) == 0 or len(corners) % 3:
+    corners = np.frombuffer(data, _TRIANGLE, count, 84)["corners"].reshape(-1, 3)
+    corners = corners.astype(np.float64)
+    bad = np.flatnonzero(~np.isfinite(corners).all(axis=1))
+    if len(bad):
         raise InputError(
-            f"{name}: {len(corners)} corners, expected three for each triangle and at least one "
-            "triangle; export the file again"
+            f"{name}, triangle {bad[0] // 3}: found {corners[bad[0]].tolist()}, expected "
+            "finite positions; repair the triangle"
         )
     return corners
+
+
+def _text_corners(text: bytes, name: str) -> FloatArray:
+    """Corners of text: any number of solids, each a series of facets of seven lines."""
+    rows, lines = [], []
+    number, step, inside = 0, 0, False
+    for number, line in enumerate(text.splitlines(), 1):
+        row = line.lower().split()
+        if not row:
+            continue
+        if step == 0 and row[0] == (b"endsolid" if inside else b"solid"):
+            inside = not inside
+            continue
+        words, length = _FACET[step] if inside else ([b"solid"], 0)
+        if row[: len(words)] != words or len(row) != length:
+            raise InputError(
+                f"{name}, line {number}: found {shown(row)}, expected "
+                f"{shown(words)} and {length - len(words)} numbers; correct the line or export "
+                "the file again"
+            )
+        if 2 <= step <= 4:
+            rows.append(row)
+            lines.append(number)
+        step = (step + 1) % len(_FACET)
+    if inside:
+        raise InputError(
+            f"{name}: ends at line {number} without 'endsolid'; the file is cut short, export it "
+            "again"
+        )
+    return positions(rows, 1, name, lambda i: f"line {lines[i]}")
 
 
 def write_stl(vertices: FloatArray, faces: IntArray) -> bytes:

@@ -580,6 +580,16 @@ end_header
 BINARY_PLY = PLY_TEXT.partition("end_header\n")[0].replace("ascii", "binary_little_endian")
 BINARY_PLY = (BINARY_PLY + "end_header\n").encode() + np.eye(3, dtype="<f4").tobytes()
 
+STL_TEXT = """solid a
+facet normal 0 0 1
+outer loop
+vertex 0 0 0
+vertex 1 0 0
+vertex 0 1 0
+endloop
+endfacet
+endsolid a
+"""
 NAN_STL = bytes(80) + struct.pack("<I12fH", 1, *[0] * 6, np.nan, *[0] * 6)
 
 
@@ -632,9 +642,9 @@ NAN_STL = bytes(80) + struct.pack("<I12fH", 1, *[0] * 6, np.nan, *[0] * 6)
         ("a.ply", BINARY_PLY + struct.pack("<B3i", 3, 0, 1, 9), ["face 0", "9", "0…2"]),
         ("a.ply", BINARY_PLY[:-4] + struct.pack("<fB3i", np.nan, 3, 0, 1, 2), ["vertex 2", "nan"]),
         ("a.stl", "hello", ["5 bytes"]),
-        ("a.stl", bytes(84), ["0 corners"]),
-        ("a.stl", "solid a\nvertex 0 0 0\nvertex 0 x 0\nvertex 0 0 1\n", ["line 3", "0 x 0"]),
-        ("a.stl", "solid a\nvertex 0 0 0\n", ["1 corners"]),
+        ("a.stl", bytes(84), ["no triangles"]),
+        ("a.stl", "solid a\nendsolid a\n", ["no triangles"]),
+        ("a.stl", STL_TEXT.replace("1 0 0", "1 x 0"), ["line 5", "1 x 0"]),
         ("a.stl", NAN_STL, ["triangle 0", "nan"]),
         ("a.glb", "hello", ["no glTF"]),
         ("a.glb", struct.pack("<4sIIII", b"glTF", 2, 99, 50, 0), ["cut short"]),
