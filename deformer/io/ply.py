@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+import struct
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
-from deformer.io.parsing import corner_indices, fan_triangles, positions
+from deformer.io.parsing import (
+    Where,
+    corner_indices,
+    fan_triangles,
+    item_count,
+    plain_text,
+    positions,
+    shown,
+)
 
 _TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),
@@ -20,6 +30,8 @@ _TYPES = {
     **dict.fromkeys(("float", "float32"), "f4"),
     **dict.fromkeys(("double", "float64"), "f8"),
 }
+# A file whose header has CR line ends has them throughout; LF ends a line that ends in CR LF, too.
+_FIRST_LINE = re.compile(rb"[Pp][Ll][Yy][ \t]*(\r(?!\n)|\r?\n)")
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
@@ -35,6 +47,11 @@ class _Element:
     name: str
     count: int
     properties: tuple[_Property, ...]
+
+    @property
+    def least_bytes(self) -> int:
+        """Bytes of a binary row with empty lists."""
+        return sum(np.dtype(p.count_type or p.type).itemsize for p in self.properties)
 
     @property
     def index_list(self) -> str | None:
@@ -54,6 +71,7 @@ def read_ply(data: bytes, name: str) -> tuple[FloatArray, IntArray]:
         InputError: a broken header, a short file, garbage, no vertices or faces, or a face index
             out of range.
     """
+    data = plain_text(data, name)
     order, elements, body = _header(data, name)
     vertex = next((e for e in elements if e.name == "vertex"), None)
     scalars = {p.name for p in vertex.properties if not p.count_type} if vertex else set()
@@ -72,88 +90,132 @@ def read_ply(data: bytes, name: str) -> tuple[FloatArray, IntArray]:
 
 
 def _header(data: bytes, name: str) -> tuple[str, list[_Element], int]:
-    end = data.find(b"end_header")
-    body = data.find(b"\n", end) + 1
-    if data[:3] != b"ply" or end < 0 or body == 0:
+    """Byte order, elements that have properties, and where the rows start."""
+    first = _FIRST_LINE.match(data)
+    line_end = b"\r" if first and first[1] == b"\r" else b"\n"
+    last = re.compile(line_end + rb"[ \t]*end_header[ \t\r]*?" + line_end, re.IGNORECASE)
+    end = last.search(data)
+    if not first or not end:
         raise InputError(f"{name}: no PLY header, expected 'ply' … 'end_header'; export it again")
     order: str | None = None
     elements: list[_Element] = []
-    for number, line in enumerate(data[:end].decode("latin-1").splitlines(), 1):
-        match line.split():
-            case ["format", kind, *_] if kind in _ORDERS:
+    lines = data[first.end() : end.start()].decode("ascii", "replace").split(line_end.decode())
+    for number, line in enumerate(lines, 2):
+        match line.lower().split():
+            case [] | ["comment" | "obj_info", *_]:
+                continue
+            case ["format", kind, *_] if kind in _ORDERS and order is None:
                 order = _ORDERS[kind]
-            case ["element", element, count] if count.isdecimal():
-                elements.append(_Element(element, int(count), ()))
+            case ["element", element, count] if item_count(count) >= 0:
+                if element in (e.name for e in elements):
+                    raise _header_error(name, number, line, f"one element {element!r}")
+                elements.append(_Element(element, item_count(count), ()))
             case ["property", "list", n, t, p] if elements and n in _TYPES and t in _TYPES:
-                elements[-1] = _with_property(elements[-1], _Property(p, _TYPES[t], _TYPES[n]))
+                if _TYPES[n].startswith("f"):
+                    raise _header_error(name, number, line, "an integer type for the list's length")
+                added = _Property(p, _TYPES[t], _TYPES[n])
+                elements[-1] = _with_property(elements[-1], added, name, number)
             case ["property", t, p] if elements and t in _TYPES:
-                elements[-1] = _with_property(elements[-1], _Property(p, _TYPES[t], None))
-            case ["format" | "element" | "property", *_]:
-                raise InputError(
-                    f"{name}, line {number}: cannot read {line[:60]!r}, expected a PLY header "
-                    "line; export the file again"
-                )
+                added = _Property(p, _TYPES[t], None)
+                elements[-1] = _with_property(elements[-1], added, name, number)
+            case _:
+                raise _header_error(name, number, line, "a PLY header line")
     if order is None:
         raise InputError(f"{name}: no 'format' line in the PLY header; export the file again")
-    return order, elements, body
+    return order, [element for element in elements if element.properties], end.end()
 
 
-def _with_property(element: _Element, added: _Property) -> _Element:
-    return _Element(element.name, element.count, (*element.properties, added))
+def _header_error(name: str, number: int, line: str, expected: str) -> InputError:
+    return InputError(
+        f"{name}, line {number}: found {line.strip()[:60]!r} in the PLY header, expected "
+        f"{expected}; export the file again"
+    )
+
+
+def _with_property(element: _Element, added: _Property, name: str, number: int) -> _Element:
+    if any(p.name == added.name for p in element.properties):
+        raise _header_error(name, number, added.name, f"each property of {element.name!r} once")
+    return replace(element, properties=(*element.properties, added))
 
 
 def _read_text(
     data: bytes, body: int, elements: list[_Element], name: str
 ) -> tuple[FloatArray, IntArray]:
-    first = data[:body].count(b"\n") + 1
-    found = [(n, line.split()) for n, line in enumerate(data[body:].splitlines(), first)]
-    found = [(n, row) for n, row in found if row]
-    start = 0
-    vertices, polygons, face_lines = np.empty((0, 3)), [], []
+    lines = [line for line in data[body:].splitlines() if line and not line.isspace()]
+
+    def where(row: int) -> str:
+        first = len(data[:body].splitlines()) + 1
+        numbers = [n for n, line in enumerate(data[body:].splitlines(), first) if line.strip()]
+        return f"line {numbers[row]}"
+
+    start = face_start = 0
+    vertices, polygons = np.empty((0, 3)), []
     for element in elements:
-        block = found[start : start + element.count]
+        block = lines[start : start + element.count]
         if len(block) < element.count:
             raise _cut_short(name, element, len(block))
-        start += element.count
+        rows = [line.split() for line in block] if element.name in ("vertex", "face") else []
         if element.name == "vertex":
-            if any(p.count_type for p in element.properties):
-                raise InputError(
-                    f"{name}: vertices with a list property, expected numbers alone; export the "
-                    "file without it"
-                )
-            names = [p.name for p in element.properties]
-            x, y, z = (names.index(axis) for axis in "xyz")
-            rows = [row[x : x + 1] + row[y : y + 1] + row[z : z + 1] for _, row in block]
-            lines = [n for n, _ in block]
-            vertices = positions(rows, 0, name, lambda i, lines=lines: f"line {lines[i]}")
+            vertices = _text_positions(rows, element, name, lambda i, at=start: where(at + i))
         elif element.name == "face":
-            face_lines = [n for n, _ in block]
-            polygons = [_text_polygon(row, element, n, name) for n, row in block]
+            face_start = start
+            polygons = [_text_polygon(row, element) for row in rows]
+            if None in polygons:
+                i = polygons.index(None)
+                raise InputError(
+                    f"{name}, {where(start + i)}: cannot read {shown(rows[i])} as a face, expected "
+                    f"its properties {[p.name for p in element.properties]}; correct the line or "
+                    "export it again"
+                )
+        start += element.count
+    if start < len(lines):
+        raise InputError(
+            f"{name}, {where(start)}: found {shown([lines[start]])} after the last row of element "
+            f"{elements[-1].name!r}, expected the end of the file; correct the counts or remove "
+            "the rest"
+        )
 
-    def where(i: int) -> str:
-        return f"line {face_lines[i]}"
+    def where_face(i: int) -> str:
+        return where(face_start + i)
 
-    corners, counts = corner_indices(polygons, name, where)
-    return vertices, fan_triangles(corners, counts, len(vertices), name, where)
+    corners, counts = corner_indices(polygons, name, where_face)
+    return vertices, fan_triangles(corners, counts, len(vertices), name, where_face)
 
 
-def _text_polygon(row: list[bytes], element: _Element, number: int, name: str) -> list[bytes]:
+def _text_positions(
+    rows: list[list[bytes]], element: _Element, name: str, where: Where
+) -> FloatArray:
+    if any(p.count_type for p in element.properties):
+        raise InputError(
+            f"{name}: vertices with a list property, expected numbers alone; export the file "
+            "without it"
+        )
+    names = [p.name for p in element.properties]
+    i = next((i for i, row in enumerate(rows) if len(row) != len(names)), None)
+    if i is not None:
+        raise InputError(
+            f"{name}, {where(i)}: found {shown(rows[i])} as a vertex, expected {len(names)} "
+            f"numbers, {names}; correct the line or export the file again"
+        )
+    x, y, z = (names.index(axis) for axis in "xyz")
+    return positions([[row[x], row[y], row[z]] for row in rows], 0, name, where)
+
+
+def _text_polygon(row: list[bytes], element: _Element) -> list[bytes] | None:
+    """Tokens of the vertex indices; None if the row is not made up of the element's properties."""
     polygon: list[bytes] = []
     offset = 0
     for prop in element.properties:
         length = 1
         if prop.count_type:
-            token = row[offset] if offset < len(row) else b""
-            length = 1 + int(token) if token.isdigit() else len(row) + 1
-        if offset + length > len(row):
-            raise InputError(
-                f"{name}, line {number}: cannot read the face, expected its properties "
-                f"{[p.name for p in element.properties]}; correct the line or export it again"
-            )
-        if prop.name == element.index_list:
-            polygon = row[offset + 1 : offset + length]
+            count = item_count(row[offset]) if offset < len(row) else -1
+            if count < 0:
+                return None
+            length += count
+            if prop.name == element.index_list:
+                polygon = row[offset + 1 : offset + length]
         offset += length
-    return polygon
+    return polygon if offset == len(row) else None
 
 
 def _read_binary(
@@ -162,6 +224,8 @@ def _read_binary(
     vertices, corners, counts = np.empty((0, 3)), np.empty(0, np.int64), np.empty(0, np.int64)
     offset = body
     for element in elements:
+        if element.count * element.least_bytes > len(data) - offset:
+            raise _cut_short(name, element, (len(data) - offset) // element.least_bytes)
         row = _uniform_row(data, offset, element, order)
         if row is not None:
             table = np.frombuffer(data, row, element.count, offset)
@@ -169,20 +233,39 @@ def _read_binary(
             if element.name == "vertex":
                 vertices = np.stack([table[axis] for axis in "xyz"], axis=1).astype(np.float64)
             elif element.name == "face" and element.index_list:
-                block = table[element.index_list].astype(np.int64)
-                corners = block.ravel()
+                block = table[element.index_list]
                 counts = np.full(len(block), block.shape[1], dtype=np.int64)
+                corners = _whole_numbers(block.ravel(), counts, name)
+        elif element.name == "vertex":
+            raise InputError(
+                f"{name}: vertices with lists of differing lengths, expected numbers alone; "
+                "export the file without them"
+            )
         else:
-            offset, polygons = _read_rows(data, offset, element, order, name)
-            if element.name == "vertex":
-                raise InputError(
-                    f"{name}: vertices with lists of differing lengths, expected numbers alone; "
-                    "export the file without them"
-                )
+            offset, polygons, lengths = _read_rows(data, offset, element, order, name)
             if element.name == "face":
-                corners = np.concatenate(polygons).astype(np.int64)
-                counts = np.array([len(polygon) for polygon in polygons], dtype=np.int64)
+                counts = lengths
+                corners = _whole_numbers(polygons, counts, name)
+    # A line end after the last row is not data.
+    if data[offset:].strip():
+        raise InputError(
+            f"{name}: {len(data) - offset} bytes follow the last row of element "
+            f"{elements[-1].name!r}, expected the end of the file; export it again"
+        )
     return vertices, fan_triangles(corners, counts, len(vertices), name, lambda i: f"face {i}")
+
+
+def _whole_numbers(corners: np.ndarray, counts: IntArray, name: str) -> IntArray:
+    """Vertex indices as integers; some programs write them as floating-point numbers."""
+    if corners.dtype.kind == "f":
+        bad = np.flatnonzero(~np.isfinite(corners) | (corners != np.floor(corners)))
+        if len(bad):
+            face = int(np.searchsorted(np.cumsum(counts), bad[0], side="right"))
+            raise InputError(
+                f"{name}, face {face}: found vertex index {corners[bad[0]]}, expected a whole "
+                "number; export the file again"
+            )
+    return corners.astype(np.int64)
 
 
 def _uniform_row(data: bytes, start: int, element: _Element, order: str) -> np.dtype | None:
@@ -191,20 +274,21 @@ def _uniform_row(data: bytes, start: int, element: _Element, order: str) -> np.d
     lengths = []
     offset = start
     for prop in element.properties:
+        kind = np.dtype(order + prop.type)
         shape: tuple[int, ...] = ()
         if prop.count_type:
             count = np.dtype(order + prop.count_type)
             if element.count == 0 or offset + count.itemsize > len(data):
                 return None
             length = int(np.frombuffer(data, count, 1, offset)[0])
-            if not 0 <= length <= len(data):
+            offset += count.itemsize
+            if not 0 <= length * kind.itemsize <= len(data) - offset:
                 return None
             lengths.append((f"{prop.name} length", length))
             fields.append((f"{prop.name} length", count))
-            offset += count.itemsize
             shape = (length,)
-        field = np.dtype((order + prop.type, shape))
-        fields.append((prop.name, order + prop.type, shape))
+        field = np.dtype((kind, shape))
+        fields.append((prop.name, kind, shape))
         offset += field.itemsize
     row = np.dtype(fields)
     if start + element.count * row.itemsize > len(data):
@@ -215,29 +299,38 @@ def _uniform_row(data: bytes, start: int, element: _Element, order: str) -> np.d
 
 def _read_rows(
     data: bytes, offset: int, element: _Element, order: str, name: str
-) -> tuple[int, list[np.ndarray]]:
-    """Offset after the element's rows, read one by one, and their lists of vertex indices."""
-    polygons = []
-    kinds = [
-        (p.name, np.dtype(order + p.type), np.dtype(order + p.count_type) if p.count_type else None)
-        for p in element.properties
-    ]
+) -> tuple[int, np.ndarray, IntArray]:
+    """Reads the element's rows one by one.
+
+    Returns:
+        the offset after them; the vertex indices of all; and how many each has.
+    """
+    corners: list[bytes] = []
+    lengths: list[int] = []
+    index_type = np.dtype("u1")
+    columns = []
+    for prop in element.properties:
+        kind = np.dtype(order + prop.type)
+        head = prop.count_type and struct.Struct(order + np.dtype(prop.count_type).char)
+        columns.append((prop.name == element.index_list, kind.itemsize, head or None))
+        if prop.name == element.index_list:
+            index_type = kind
     for i in range(element.count):
-        for prop, kind, count_kind in kinds:
+        for is_corners, size, head in columns:
             length = 1
-            if count_kind is not None:
-                head = data[offset : offset + count_kind.itemsize]
-                length = -1
-                if len(head) == count_kind.itemsize:
-                    length = int(np.frombuffer(head, count_kind)[0])
-                offset += count_kind.itemsize
-            end = offset + length * kind.itemsize
+            if head is not None:
+                if offset + head.size > len(data):
+                    raise _cut_short(name, element, i)
+                (length,) = head.unpack_from(data, offset)
+                offset += head.size
+            end = offset + length * size
             if length < 0 or end > len(data):
                 raise _cut_short(name, element, i)
-            if prop == element.index_list:
-                polygons.append(np.frombuffer(data, kind, length, offset))
+            if is_corners:
+                corners.append(data[offset:end])
+                lengths.append(length)
             offset = end
-    return offset, polygons
+    return offset, np.frombuffer(b"".join(corners), index_type), np.array(lengths, np.int64)
 
 
 def _cut_short(name: str, element: _Element, found: int) -> InputError:
