@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import secrets
 import shutil
+import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,21 +15,35 @@ from deformer.errors import InputError
 PathLike = str | os.PathLike[str]
 
 
-def read_bytes(path: Path) -> bytes:
-    """Contents of the file `path`.
+def check_file(path: Path) -> None:
+    """Check that `path` is a file with contents; reading a pipe or a device might never end.
 
     Raises:
-        InputError: the file is missing, not readable or empty.
+        InputError: it is missing, out of reach, empty, or something other than a file.
     """
     try:
-        data = path.read_bytes()
+        status = path.stat()
     except FileNotFoundError:
         raise InputError(f"{path}: does not exist; check the path") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
-    if not data:
+    if not stat.S_ISREG(status.st_mode):
+        raise InputError(f"{path}: is a directory, pipe or device, expected a file; check the path")
+    if status.st_size == 0:
         raise InputError(f"{path}: is empty, expected contents; export it again")
-    return data
+
+
+def read_bytes(path: Path) -> bytes:
+    """Contents of the file `path`.
+
+    Raises:
+        InputError: the file is missing, not readable, empty, or no regular file.
+    """
+    check_file(path)
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
 
 
 def _temporary_name(target: Path) -> Path:

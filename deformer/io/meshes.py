@@ -7,11 +7,7 @@ corners with equal positions are welded (see `load_shapes`).
 
 from __future__ import annotations
 
-import lzma
 import re
-import struct
-import zipfile
-import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
@@ -30,6 +26,7 @@ from deformer.io.json_files import (
     read_json,
     write_json,
 )
+from deformer.io.npz import read_npz
 from deformer.io.obj import ObjReader, write_obj
 from deformer.io.off import read_off, write_off
 from deformer.io.ply import read_ply, write_ply
@@ -69,8 +66,6 @@ _WRITERS: dict[str, Callable[[FloatArray, IntArray], bytes]] = {
     ".stl": write_stl,
     ".glb": write_glb,
 }
-# Errors that zipfile and its decompressors raise for damaged contents.
-_DAMAGED = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, RuntimeError)
 MESH_SUFFIXES = tuple(_READERS)
 _SUFFIX_LIST = ", ".join(MESH_SUFFIXES)
 _WRITTEN_NAME = re.compile(r"\d{4,}\.(obj|ply|off|stl|glb)")
@@ -217,7 +212,7 @@ def _load_files(files: list[Path], progress: Callable[[int, int], None] | None) 
     shared: IntArray | None = None
     all_vertices: FloatArray = np.empty((0, 0, 3))
     for i, file in enumerate(files):
-        vertices, faces = read(read_bytes(file), str(file))
+        vertices, faces = _read_file(file, read)
         _check_finite(vertices, str(file))
         if shared is None:
             shared = faces
@@ -233,6 +228,22 @@ def _load_files(files: list[Path], progress: Callable[[int, int], None] | None) 
         if progress:
             progress(i + 1, len(files))
     return MeshSequence(all_vertices, shared if shared is not None else np.empty((0, 3), int))
+
+
+def _read_file(file: Path, read: _Reader) -> tuple[FloatArray, IntArray]:
+    data = read_bytes(file)
+    try:
+        # Overflow gives infinite positions, which are refused by name.
+        with np.errstate(all="ignore"):
+            return read(data, str(file))
+    except InputError:
+        raise
+    # Readers refuse what they know; a damaged file can break them in ways nobody thought of.
+    except Exception as error:
+        raise InputError(
+            f"{file}: damaged in a way that stops the reader ({type(error).__name__}); export the "
+            "file again"
+        ) from error
 
 
 def _raise_other_faces(file: Path, faces: IntArray, first: Path, shared: IntArray) -> NoReturn:
@@ -264,27 +275,7 @@ def _unknown_suffix(path: Path) -> InputError:
 
 
 def _load_npz(path: Path) -> MeshSequence:
-    read_bytes(path)
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            # Checksums first: a damaged array header could ask for any amount of memory.
-            damaged = archive.zip.testzip()
-            if damaged:
-                raise zipfile.BadZipFile(f"wrong checksum of {damaged}")
-            names = archive.files
-            arrays = {name: archive[name] for name in ("vertices", "faces") if name in names}
-    except _DAMAGED as error:
-        raise InputError(f"{path}: damaged archive ({error}); save or copy it again") from error
-    except (ValueError, AttributeError, TypeError, SyntaxError, EOFError, OSError) as error:
-        raise InputError(
-            f"{path}: not an NPZ file of plain number arrays ({str(error).splitlines()[0]}); save "
-            "it with numpy.savez(path, vertices=…, faces=…)"
-        ) from error
-    for name in ("vertices", "faces"):
-        if name not in arrays:
-            raise InputError(
-                f"{path}: holds arrays {names}, expected 'vertices' and 'faces'; add {name!r}"
-            )
+    arrays = read_npz(path, ("vertices", "faces"))
     vertices, faces = arrays["vertices"], arrays["faces"]
     if vertices.dtype.kind not in "fiu":
         raise InputError(f"{path}: vertices of type {vertices.dtype}, expected floats; cast them")
