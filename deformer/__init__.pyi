@@ -69,6 +69,7 @@ from .network import (
 from .training import (
     TrainingProgress as TrainingProgress,
     check_checkpoint as check_checkpoint,
+    check_resumable as check_resumable,
     has_checkpoint as has_checkpoint,
     remove_checkpoint as remove_checkpoint,
     train as train,

@@ -16,5 +16,6 @@ from .sparse_components import (
     localised_components as localised_components,
 )
 from .trainer import (
+    check_resumable as check_resumable,
     train as train,
 )

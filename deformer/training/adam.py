@@ -191,7 +191,7 @@ def fit(
         seed: seed of the initial weights and the mixed shapes. The same seed gives the same network
             on one machine with one number of threads.
         device: "cpu", "cuda", "mps" or "auto".
-        checkpoint: folder written every half minute and on interruption, or None.
+        checkpoint: folder written every half minute and at the end, or None.
         resume: continue from `checkpoint`; the result is that of an uninterrupted training.
         on_progress: called after every epoch.
 

@@ -1,7 +1,12 @@
-"""Checkpoints: a JSON status and a file of arrays, replaced together or not at all."""
+"""Checkpoints of a training, and what is finished before it, in one folder.
+
+The training has a JSON status and a file of arrays, replaced together or not at all; each stage
+before it has one file of arrays.
+"""
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 from pathlib import Path
@@ -9,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors import SafetensorError
+from safetensors import SafetensorError, safe_open
 from safetensors.numpy import load_file, save_file
 
 from deformer.errors import InputError
@@ -17,12 +22,20 @@ from deformer.io import atomic_path, check_directory
 
 _FORMAT = 1
 _FILE = "checkpoint.json"
+_STAGES = ("features", "trials")
 # Names of the files of a checkpoint, and of those that a killed process left half written.
-_WRITTEN = re.compile(r"(\.)?(checkpoint|epoch-\d{7})(?(1)-[\da-f-]+)\.(json|safetensors)")
+_WRITTEN = re.compile(
+    rf"(\.)?(checkpoint|epoch-\d{{7}}|{'|'.join(_STAGES)})(?(1)-[\da-f-]+)\.(json|safetensors)"
+)
 
 
 def has_checkpoint(folder: str | Path) -> bool:
-    """True if `folder` contains a checkpoint."""
+    """True if `folder` contains a checkpoint, of the training or of a stage before it."""
+    return has_trained(folder) or any(_stage(folder, name).is_file() for name in _STAGES)
+
+
+def has_trained(folder: str | Path) -> bool:
+    """True if `folder` contains a checkpoint of the training itself."""
     return (Path(folder) / _FILE).is_file()
 
 
@@ -67,7 +80,7 @@ def save_checkpoint(
     # a crash between the two leaves the previous pair valid.
     name = f"epoch-{status['epoch']:07d}.safetensors"
     with atomic_path(folder / name) as path:
-        save_file({k: np.asarray(v, order="C") for k, v in arrays.items()}, path)
+        _write(path, arrays)
     text = json.dumps({"format": _FORMAT, "identity": identity, **status, "arrays": name}, indent=1)
     with atomic_path(folder / _FILE) as path:
         path.write_text(text + "\n")
@@ -96,13 +109,98 @@ def load_checkpoint(
     try:
         status = json.loads(where.read_text())
         arrays = load_file(folder / status["arrays"])
-        known, written = status["format"], status["identity"]
+        written = {"format": status["format"], **status["identity"]}
     except (ValueError, KeyError, OSError, SafetensorError) as error:
-        raise InputError(f"{where}: not a readable checkpoint ({error}); delete it") from error
-    if known != _FORMAT or written != identity:
-        differing = [key for key, value in identity.items() if written.get(key) != value]
+        raise _unreadable(where, error) from error
+    _compare(where, written, {"format": _FORMAT, **identity})
+    return status, arrays
+
+
+class Stages:
+    """Results of the stages before the training, kept in the folder of its checkpoint.
+
+    Args:
+        folder: the folder; None keeps nothing.
+        identity: JSON values that have to be equal for a stage to be used again.
+    """
+
+    def __init__(self, folder: Path | None, identity: dict[str, Any]) -> None:
+        """Nothing is read yet."""
+        self._folder, self._identity = folder, {"format": _FORMAT, **identity}
+
+    def load(self, name: str) -> dict[str, NDArray] | None:
+        """Arrays of a stage, "features" or "trials"; None if it is not there.
+
+        Raises:
+            InputError: it is damaged, or of another identity.
+        """
+        if self._folder is None or not (where := _stage(self._folder, name)).is_file():
+            return None
+        self.check(name)
+        try:
+            return load_file(where)
+        except (OSError, SafetensorError) as error:
+            raise _unreadable(where, error) from error
+
+    def check(self, name: str) -> None:
+        """Raise the InputError of `load`, without reading the arrays."""
+        if self._folder is None or not (where := _stage(self._folder, name)).is_file():
+            return
+        try:
+            with safe_open(where, "numpy") as file:
+                written = json.loads(file.metadata()["identity"])
+        except (ValueError, KeyError, TypeError, OSError, SafetensorError) as error:
+            raise _unreadable(where, error) from error
+        _compare(where, written, self._identity)
+
+    def save(self, name: str, arrays: dict[str, NDArray]) -> None:
+        """Keep the arrays of a stage, in place of earlier ones."""
+        if self._folder is None:
+            return
+        self._folder.mkdir(parents=True, exist_ok=True)
+        with atomic_path(_stage(self._folder, name)) as path:
+            _write(path, arrays, {"identity": json.dumps(self._identity)})
+
+
+def check_identity(folder: str | Path, identity: dict[str, Any]) -> None:
+    """Check, before there are shapes, that a run can resume from a folder's checkpoint.
+
+    Args:
+        folder: the folder.
+        identity: as much of the run's identity as is known.
+
+    Raises:
+        InputError: there is no checkpoint, it is damaged, or it is of another identity.
+    """
+    if not has_checkpoint(folder):
+        raise InputError(f"{folder}: no checkpoint to resume from; start without resuming")
+    if has_trained(folder):
+        load_checkpoint(Path(folder), {})
+    for name in _STAGES:
+        Stages(Path(folder), identity).check(name)
+
+
+def _stage(folder: str | Path, name: str) -> Path:
+    return Path(folder) / f"{name}.safetensors"
+
+
+def _write(path: Path, arrays: dict[str, NDArray], metadata: dict[str, str] | None = None) -> None:
+    contiguous = {name: np.asarray(array, order="C") for name, array in arrays.items()}
+    try:
+        save_file(contiguous, path, metadata)
+    except SafetensorError as error:  # a full disk
+        raise OSError(errno.EIO, str(error)) from error
+
+
+def _unreadable(where: Path, error: Exception) -> InputError:
+    return InputError(f"{where}: not a readable checkpoint ({error}); delete it")
+
+
+def _compare(where: Path, written: dict[str, Any], identity: dict[str, Any]) -> None:
+    """Raise InputError if a value of `identity` is not the one that was written."""
+    differing = [key for key, value in identity.items() if written.get(key) != value]
+    if differing:
         raise InputError(
-            f"{where}: made with other {', '.join(differing) or 'software'}; "
+            f"{where}: made with other {', '.join(differing)}; "
             "resume with the same shapes and options, or delete it"
         )
-    return status, arrays

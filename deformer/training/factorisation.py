@@ -57,7 +57,7 @@ def factor(
         scaler: their scaling; the undeformed shape's features give the decoder's bias.
         geodesics: distances over the reference, for Λ.
         config: configuration, whose `training` is a `FactorisationSettings` with a sparsity.
-        checkpoint: folder written every half minute and on interruption, or None.
+        checkpoint: folder written every half minute and at the end, or None.
         resume: continue from `checkpoint`; the result is that of an uninterrupted training.
         on_progress: called after every round.
 

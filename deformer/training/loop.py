@@ -130,7 +130,7 @@ def run_training(
         trainee: takes the steps.
         epochs: number of steps of the whole training.
         identity: result of `identity_of`.
-        checkpoint: folder written every half minute and on interruption, or None.
+        checkpoint: folder written every half minute and at the end, or None.
         resume: continue from `checkpoint`; the result is that of an uninterrupted training.
         on_progress: called after every step.
 
@@ -167,6 +167,7 @@ def run_training(
         interrupted = interrupt.requested
     except KeyboardInterrupt:  # raised by the callback, between two steps
         interrupted = True
-    if interrupted:
+    # The finished network, too: what follows takes seconds, and can be interrupted.
+    with DeferredInterrupt() as interrupt:
         save()
-    return Outcome(epoch, seconds, interrupted)
+    return Outcome(epoch, seconds, interrupted or interrupt.requested)

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import partial
 
+import numpy as np
+
 from deformer.editing import HandleSolver
 from deformer.geometry import FloatArray, IntArray
 from deformer.network import ModelConfig
+from deformer.training.checkpoints import Stages
 from deformer.training.cross_validation import HandleFit, held_out_errors, held_out_fits
 from deformer.training.loop import ProgressCallback, TrainingProgress
 from deformer.training.training_set import TrainingSet
@@ -33,13 +36,19 @@ class SettingsSearch:
     Args:
         examples: the training set.
         config: configuration, whose `training` is a `FactorisationSettings`.
+        stages: keep every trial's errors once it is finished, as the stage "trials".
         on_progress: called after every round and handle fit, with the stage "cross-validation".
     """
 
     def __init__(
-        self, examples: TrainingSet, config: ModelConfig, on_progress: ProgressCallback | None
+        self,
+        examples: TrainingSet,
+        config: ModelConfig,
+        stages: Stages,
+        on_progress: ProgressCallback | None,
     ) -> None:
         """Count the steps."""
+        self._stages = stages
         self._examples, self._config, self._on_progress = examples, config, on_progress
         given = config.training.sparsity
         self._sparsities = SPARSITIES if given is None else (given,)
@@ -52,10 +61,9 @@ class SettingsSearch:
         """The configuration with its λ₁, and the handle noise in bounding diagonals.
 
         Raises:
-            KeyboardInterrupt: Ctrl-C; nothing is trained yet.
+            KeyboardInterrupt: Ctrl-C; the finished trials are kept.
         """
-        errors = {sparsity: self._errors(sparsity) for sparsity in self._sparsities}
-        measured = {sparsity: found for sparsity, found in errors.items() if found is not None}
+        measured = {sparsity: found for sparsity, found in self._all_errors() if found.size}
         if not measured:
             return self._config.with_training(sparsity=self._sparsities[0]), HANDLE_NOISES[-1]
         least = min(found.min() for found in measured.values())
@@ -65,12 +73,25 @@ class SettingsSearch:
         noise = HANDLE_NOISES[int(found.argmin())]
         return self._config.with_training(sparsity=sparsity), noise
 
-    def _errors(self, sparsity: float) -> FloatArray | None:
-        """Logarithms of errors of held-out shapes, by handle noise; None with too few shapes."""
+    def _all_errors(self) -> Iterator[tuple[float, FloatArray]]:
+        """Each sparsity with its `_errors`; kept ones are not computed again."""
+        trials = self._stages.load("trials") or {}
+        for sparsity in self._sparsities:
+            key = str(sparsity)
+            if key in trials:
+                self._done += self._total // len(self._sparsities)
+            else:
+                trials[key] = self._errors(sparsity)
+                self._stages.save("trials", trials)
+            yield sparsity, trials[key]
+
+    def _errors(self, sparsity: float) -> FloatArray:
+        """Logarithms of errors of held-out shapes, by handle noise; empty with too few shapes."""
         config = self._config.with_training(sparsity=sparsity, epochs=self._epochs)
         examples = self._examples
         train = partial(self._train, config)
-        return held_out_errors(train, examples.shapes, examples.geodesics, HANDLE_NOISES, 0)
+        errors = held_out_errors(train, examples.shapes, examples.geodesics, HANDLE_NOISES, 0)
+        return np.empty(0) if errors is None else errors
 
     def _train(self, config: ModelConfig, indices: IntArray) -> HandleFit:
         """Handle fits of a model that is trained on the shapes at `indices`."""

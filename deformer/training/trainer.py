@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,11 +10,18 @@ from typing import Any
 import numpy as np
 
 from deformer.errors import InputError
-from deformer.geometry import MeshSequence, align, e_rms
+from deformer.geometry import Mesh, MeshSequence, align, e_rms
 from deformer.linalg import resolve_device
 from deformer.model import DeformationModel
 from deformer.network import FactorisationSettings, ModelConfig, resolve_config
-from deformer.training.checkpoints import check_checkpoint, has_checkpoint, remove_checkpoint
+from deformer.training.checkpoints import (
+    Stages,
+    check_checkpoint,
+    check_identity,
+    has_checkpoint,
+    has_trained,
+    remove_checkpoint,
+)
 from deformer.training.loop import ProgressCallback, TrainingProgress, TrainingResult
 from deformer.training.settings_search import SettingsSearch
 from deformer.training.training_set import TrainingSet
@@ -60,8 +68,9 @@ def train(
 
     Raises:
         InputError: too few shapes, a bad split, config, device or checkpoint.
-        KeyboardInterrupt: Ctrl-C before the training, while features are extracted and settings
-            are chosen.
+        OSError: a checkpoint cannot be written.
+        KeyboardInterrupt: Ctrl-C before or after the training. The checkpoint has what was
+            finished: the features, the trials of settings, the network.
 
     Source: Tan et al. 2018; `docs/equations.md` says which function has which of its equations.
     """
@@ -72,6 +81,7 @@ def train(
         raise InputError(f"up: expected x, y, z, -x, -y or -z, got {up!r}")
     if resume and (checkpoint is None or not has_checkpoint(checkpoint)):
         raise InputError(f"{checkpoint}: no checkpoint to resume; start without resuming")
+    folder = Path(checkpoint) if checkpoint is not None else None
     split = {"train": list(range(len(shapes))), "test": [], **(split or {})}
     indices = split["train"]
     if len(indices) < 2:
@@ -84,29 +94,34 @@ def train(
     # Before the training, so that an invalid index is reported at once.
     test_shapes = shapes.subset(split["test"]).vertices if split["test"] else None
 
-    if checkpoint is not None:
-        Path(checkpoint).absolute().parent.mkdir(parents=True, exist_ok=True)
-        check_checkpoint(checkpoint)
+    if folder is not None:
+        folder.absolute().parent.mkdir(parents=True, exist_ok=True)
+        check_checkpoint(folder)
         if not resume:
-            remove_checkpoint(checkpoint)
+            remove_checkpoint(folder)
 
     def on_features(done: int, total: int) -> None:
         if on_progress is not None:
             on_progress(TrainingProgress("features", done, total))
 
     reference_index = indices.index(reference) if reference in indices else None
-    examples = TrainingSet.prepare(
-        shapes.subset(indices), base, reference_index, settings, on_features
-    )
+    chosen = shapes.subset(indices)
+    identity = {**_identity(settings, seed), "shapes": _digest(chosen, base)}
+    stages = Stages(folder, identity)
+    if (kept := stages.load("features")) is not None:
+        examples = TrainingSet.restore(kept, base.faces)
+    else:
+        examples = TrainingSet.prepare(chosen, base, reference_index, settings, on_features)
+        stages.save("features", examples.arrays)
     handle_noise = None
     if isinstance(settings.training, FactorisationSettings):
-        settings, handle_noise = SettingsSearch(examples, settings, on_progress).run()
+        settings, handle_noise = SettingsSearch(examples, settings, stages, on_progress).run()
     result = examples.train_network(
         settings,
         seed=seed,
         device=device,
-        checkpoint=Path(checkpoint) if checkpoint is not None else None,
-        resume=resume,
+        checkpoint=folder,
+        resume=resume and folder is not None and has_trained(folder),
         on_progress=on_progress,
     )
     summary = {
@@ -127,6 +142,41 @@ def train(
             test_shapes = align(test_shapes, examples.reference.vertices)
         summary["test_e_rms"] = e_rms(test_shapes, model.decode(model.encode(test_shapes)))
     return model if handle_noise is None else replace(model, handle_noise=handle_noise)
+
+
+def check_resumable(
+    checkpoint: str | Path,
+    components: int | None = None,
+    *,
+    config: str | ModelConfig = "default",
+    epochs: int | None = None,
+    align_shapes: bool | None = None,
+    seed: int = 0,
+) -> None:
+    """Check, before the shapes are read, that `train` can resume from a checkpoint.
+
+    Args:
+        checkpoint: folder of the checkpoint.
+        components, config, epochs, align_shapes, seed: as in `train`.
+
+    Raises:
+        InputError: there is no checkpoint, it is damaged, or it was made with other options.
+    """
+    settings = resolve_config(config, components=components, epochs=epochs, align=align_shapes)
+    check_identity(checkpoint, _identity(settings, seed))
+
+
+def _identity(config: ModelConfig, seed: int) -> dict[str, Any]:
+    return {"config": config.as_dict(), "seed": seed}
+
+
+def _digest(shapes: MeshSequence, reference: Mesh) -> str:
+    """SHA-256 of shapes and of their reference."""
+    found = hashlib.sha256()
+    for array in (shapes.vertices, shapes.faces, reference.vertices):
+        found.update(str(array.shape).encode())
+        found.update(np.ascontiguousarray(array).data)
+    return found.hexdigest()
 
 
 def _outcome(result: TrainingResult) -> dict[str, Any]:

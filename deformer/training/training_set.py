@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deformer.acap import FeatureExtractor, FeatureScaler, extract_all
 from deformer.geometry import FloatArray, Geodesics, IntArray, Mesh, MeshSequence, align
@@ -75,6 +76,28 @@ class TrainingSet:
             q = _with_mirror_images(q, extractor, shapes)
         scaler = FeatureScaler.fit(q)
         return cls(shapes, extractor, scaler, scaler.scale(q), noise / reference.bounding_diagonal)
+
+    @property
+    def arrays(self) -> dict[str, NDArray]:
+        """All of it but the faces, by name."""
+        return {
+            "vertices": self.shapes.vertices,
+            "reference": self.reference.vertices,
+            "scaler": np.array(astuple(self.scaler)),
+            "x": self.x,
+            "noise": np.array(self.noise),
+        }
+
+    @classmethod
+    def restore(cls, arrays: Mapping[str, NDArray], faces: IntArray) -> TrainingSet:
+        """The set with these `arrays`, of shapes with these faces (F, 3)."""
+        return cls(
+            MeshSequence(arrays["vertices"], faces),
+            FeatureExtractor(Mesh(arrays["reference"], faces)),
+            FeatureScaler(*arrays["scaler"].tolist()),
+            arrays["x"],
+            float(arrays["noise"]),
+        )
 
     @property
     def reference(self) -> Mesh:

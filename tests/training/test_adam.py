@@ -247,7 +247,7 @@ def test_a_crash_while_saving_leaves_the_earlier_checkpoint(data, stopped, monke
 
     before = {path.name: path.read_bytes() for path in stopped.iterdir()}
 
-    def no_tensors(tensors, path):
+    def no_tensors(tensors, path, metadata):
         path.write_bytes(b"half a file")
         raise OSError("no space left on device")
 

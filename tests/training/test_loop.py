@@ -90,7 +90,7 @@ def test_time_before_a_stop_counts(tmp_path, monkeypatch):
     assert whole.seconds == 4.0 + 2.0
 
 
-def test_a_checkpoint_is_written_every_half_minute(tmp_path, monkeypatch):
+def test_a_checkpoint_is_written_every_half_minute_and_at_the_end(tmp_path, monkeypatch):
     now, kept = [0.0], []
     monkeypatch.setattr(training_loop.time, "monotonic", lambda: now[0])
 
@@ -103,8 +103,8 @@ def test_a_checkpoint_is_written_every_half_minute(tmp_path, monkeypatch):
     # Told before it is written: after the third step, and the sixth.
     assert kept == [0, 0, 0, 3, 3, 3, 6, 6]
     status = json.loads((tmp_path / "checkpoint.json").read_text())
-    assert status["count"] == 6
-    assert load_file(tmp_path / status["arrays"])["total"] == sum(range(6))
+    assert status["count"] == 8
+    assert load_file(tmp_path / status["arrays"])["total"] == sum(range(8))
 
 
 def test_without_a_folder_nothing_is_written(tmp_path, monkeypatch):

@@ -136,35 +136,42 @@ def train(
 ) -> None:
     """Learn a model from example shapes.
 
-    Checkpoints are kept in OUTPUT.checkpoint while training runs. Ctrl-C saves the best model so
-    far; --resume goes on from there.
+    Checkpoints are kept in OUTPUT.checkpoint while training runs. Ctrl-C saves what is finished,
+    the best model so far if there is one; --resume goes on from there.
     """
     import deformer
     from deformer import io
 
-    checkpoint = _prepare_output(output, resume)
-    sequence = _load_shapes(shapes)
-    _refuse_unusable(shapes, sequence)
-    parts = io.load_split(split, len(sequence)) if split else None
-    with _kept_if_not_written(checkpoint), console.training_progress() as report:
-        model = deformer.train(
-            sequence,
-            components,
-            config=config.value,
-            epochs=epochs,
-            split=parts,
-            seed=seed,
-            device=device,
-            align_shapes=align,
-            up=up,
-            checkpoint=checkpoint,
-            resume=resume,
-            on_progress=report,
-        )
-        model.save(output)
-    interrupted = bool(model.summary.get("interrupted"))
-    if not interrupted:
-        deformer.remove_checkpoint(checkpoint)
+    options: dict[str, Any] = {
+        "components": components,
+        "config": config.value,
+        "epochs": epochs,
+        "align_shapes": align,
+        "seed": seed,
+    }
+    checkpoint = _prepare_output(output, options if resume else None)
+    with _kept_if_cut_short(checkpoint):
+        sequence = _load_shapes(shapes)
+        _refuse_unusable(shapes, sequence)
+        parts = io.load_split(split, len(sequence)) if split else None
+        with console.training_progress() as report:
+            model = deformer.train(
+                sequence,
+                **options,
+                split=parts,
+                device=device,
+                up=up,
+                checkpoint=checkpoint,
+                resume=resume,
+                on_progress=report,
+            )
+        try:
+            model.save(output)
+        except deformer.InputError as error:
+            raise deformer.InputError(f"{error}; {_how_to_go_on(checkpoint)}") from error
+        interrupted = bool(model.summary.get("interrupted"))
+        if not interrupted:
+            deformer.remove_checkpoint(checkpoint)
     if as_json:
         console.emit({"model": str(output), **_describe(model)})
     else:
@@ -417,37 +424,51 @@ def _refuse_unusable(path: Path, shapes: MeshSequence) -> None:
         )
 
 
-def _prepare_output(output: Path, resume: bool) -> Path:
-    """Check the model's directory before training starts; return that of the checkpoints."""
+def _prepare_output(output: Path, resume: dict[str, Any] | None) -> Path:
+    """Check the model's directory before training starts; return that of the checkpoints.
+
+    Args:
+        output: the model's directory.
+        resume: options of the training that goes on from the checkpoint; None starts anew.
+    """
     import deformer
 
     if output.name in ("", ".."):  # as of "."
         output = output.resolve()
     checkpoint = output.parent / f"{output.name}.checkpoint"
-    if resume and not deformer.has_checkpoint(checkpoint):
-        raise deformer.InputError(f"{checkpoint}: no checkpoint to resume from; leave out --resume")
+    if resume is not None:
+        deformer.check_resumable(checkpoint, **resume)
     output.parent.mkdir(parents=True, exist_ok=True)
     deformer.check_model_folder(output)
     deformer.check_checkpoint(checkpoint)
-    if not resume and deformer.has_checkpoint(checkpoint):
+    if resume is None and deformer.has_checkpoint(checkpoint):
         console.warn(f"replacing the checkpoint {checkpoint}; --resume would go on from it")
     return checkpoint
 
 
 @contextmanager
-def _kept_if_not_written(checkpoint: Path) -> Iterator[None]:
-    """If writing fails in the block, name the file, and the command that goes on afterwards."""
+def _kept_if_cut_short(checkpoint: Path) -> Iterator[None]:
+    """Say what is kept if Ctrl-C or a failure to write ends the block, and how to go on."""
     import deformer
 
     try:
         yield
+    except KeyboardInterrupt:
+        if deformer.has_checkpoint(checkpoint):
+            console.note(f"Interrupted: {_how_to_go_on(checkpoint)}")
+        else:
+            console.note("Interrupted: nothing was finished yet.")
+        raise console.Interrupted from None
     except OSError as error:
         if not deformer.has_checkpoint(checkpoint):
             raise
         raise deformer.InputError(
-            f"{error.filename or 'system'}: {error.strerror or error}; what is finished is kept "
-            f"in {checkpoint}; once there is room: {_command_to_resume()}"
+            f"{error.filename or 'system'}: {error.strerror or error}; {_how_to_go_on(checkpoint)}"
         ) from error
+
+
+def _how_to_go_on(checkpoint: Path) -> str:
+    return f"what is finished is kept in {checkpoint}; to go on: {_command_to_resume()}"
 
 
 def _command_to_resume() -> str:

@@ -1,6 +1,10 @@
 """`deformer train`: where it writes, and what it keeps when it is cut short."""
 
+import errno
 import os
+import shlex
+import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -8,6 +12,9 @@ import pytest
 
 import deformer
 from bars import bending_bar
+from waiting import HANG
+
+DEFORMER = [sys.executable, "-c", "from deformer_app.cli.main import main; main()"]
 
 
 @pytest.fixture(scope="module")
@@ -70,3 +77,79 @@ def test_a_mistake_of_the_shapes_leaves_the_old_checkpoint(run, tmp_path):
     status, _, err = run(*train(tmp_path / "nowhere", tmp_path / "m"))
     assert status == 2 and "nowhere" in err
     assert deformer.has_checkpoint(tmp_path / "m.checkpoint")
+
+
+@pytest.mark.slow
+def test_a_disk_that_gets_full_is_one_line_and_loses_nothing(
+    run, shapes_path, tmp_path, monkeypatch
+):
+    write = Path.write_bytes
+
+    def full(path, content):
+        if path.name == "weights.safetensors":
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(path, content)
+
+    command = train(shapes_path, tmp_path / "m")
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_bytes", full)
+        status, out, err = run(*command)
+    told = err.splitlines()[-1]
+    assert (status, out) == (2, "") and told.startswith(f"deformer: {tmp_path / 'm'}: No space")
+    going_on = shlex.split(told.split("to go on: deformer ")[1])
+    assert going_on == [*map(str, command), "--resume"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["m.checkpoint"]
+
+    status, _, err = run(*going_on)
+    assert status == 0 and "training" not in err
+    assert deformer.load_model(tmp_path / "m").summary["epochs"] == 4
+    assert not (tmp_path / "m.checkpoint").exists()
+
+
+@pytest.mark.slow
+def test_resuming_looks_at_the_checkpoint_first(refuse, run, shapes_path, tmp_path, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(deformer.DeformationModel, "save", interrupted)
+        status, _, err = run(*train(shapes_path, tmp_path / "m"))
+    assert status == 130 and err.splitlines()[-1].startswith("Interrupted: what is finished")
+    monkeypatch.setattr(deformer, "load_shapes", no_work)
+    command = train(shapes_path, tmp_path / "m", "--resume")
+    assert "other config" in refuse(*command, "--components", "5")
+    (tmp_path / "m.checkpoint" / "checkpoint.json").write_text("{")
+    assert "not a readable checkpoint" in refuse(*command)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+@pytest.mark.parametrize(
+    "moment",
+    ["features 2/12", "features 12/12", "cross-validation 4", "cross-validation 9", "training 1/4",
+     "training 4/4"],
+)  # fmt: skip
+def test_ctrl_c_at_any_moment_is_told_and_goes_on(run, shapes_path, tmp_path, moment):
+    command = train(shapes_path, tmp_path / "m")
+    process = subprocess.Popen([*DEFORMER, *map(str, command)], stderr=subprocess.PIPE, text=True)
+    sent, line = False, ""
+    try:
+        assert process.stderr is not None
+        for line in process.stderr:
+            if line.startswith(moment) and not sent:
+                process.send_signal(signal.SIGINT)
+                sent = True
+        status = process.wait(HANG)
+    finally:
+        process.kill()
+        process.stderr.close()
+    assert (status, "Traceback" in line) == (130, False)
+    if "nothing was finished" in line:
+        assert moment.startswith("features")
+        return
+    assert "to go on: deformer train" in line.lower() and line.endswith("--resume\n")
+    status, _, err = run(*command, "--resume")
+    assert status == 0, err
+    assert "features" not in err
+    assert deformer.load_model(tmp_path / "m").summary["epochs"] == 4
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["m"]

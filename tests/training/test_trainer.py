@@ -1,0 +1,131 @@
+"""Trainings cut short at every stage, and what they need not do again."""
+
+import numpy as np
+import pytest
+
+from bars import bending_bar
+from deformer import InputError, MeshSequence, check_resumable, train
+from deformer.training import trainer
+from deformer.training.settings_search import SettingsSearch
+from deformer.training.training_set import TrainingSet
+
+OPTIONS = {"components": 3, "epochs": 4}
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return train(bending_bar(), **OPTIONS)
+
+
+class Stop:
+    """A progress callback that keeps all events, and raises Ctrl-C at one of them."""
+
+    def __init__(self, stage="", done=0):
+        self.stages, self._at = [], (stage, done)
+
+    def __call__(self, progress):
+        self.stages.append((progress.stage, progress.done))
+        if self.stages[-1] == self._at:
+            raise KeyboardInterrupt
+
+
+def resume(folder):
+    """Resume; gives the model, and what was told."""
+    told = Stop()
+    return train(bending_bar(), **OPTIONS, checkpoint=folder, resume=True, on_progress=told), told
+
+
+def assert_same(model, other):
+    assert model.handle_noise == other.handle_noise and model.config == other.config
+    np.testing.assert_array_equal(model.codes, other.codes)
+    np.testing.assert_array_equal(model.weights.C, other.weights.C)
+    assert model.summary["interrupted"] is False
+
+
+@pytest.mark.slow
+def test_features_and_finished_trials_are_not_repeated(tmp_path, whole):
+    # One of three trials has 4 rounds and 30 fits.
+    with pytest.raises(KeyboardInterrupt):
+        train(
+            bending_bar(),
+            **OPTIONS,
+            checkpoint=tmp_path / "run",
+            on_progress=Stop("cross-validation", 40),
+        )
+    model, told = resume(tmp_path / "run")
+    assert told.stages[0] == ("cross-validation", 35)
+    assert_same(model, whole)
+
+
+def test_an_interrupt_within_features_leaves_no_checkpoint(tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        train(bending_bar(), **OPTIONS, checkpoint=tmp_path, on_progress=Stop("features", 3))
+    with pytest.raises(InputError, match="no checkpoint"):
+        resume(tmp_path)
+
+
+@pytest.mark.slow
+def test_the_finished_network_is_kept(tmp_path, whole, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(trainer, "e_rms", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            train(bending_bar(), **OPTIONS, checkpoint=tmp_path)
+    # None of it is done again.
+    monkeypatch.setattr(TrainingSet, "prepare", interrupted)
+    monkeypatch.setattr(SettingsSearch, "_errors", interrupted)
+    model, told = resume(tmp_path)
+    assert told.stages == []
+    assert_same(model, whole)
+    assert model.summary["loss"] == pytest.approx(whole.summary["loss"])
+
+
+@pytest.mark.slow
+def test_an_interrupt_while_the_last_checkpoint_is_written_waits(tmp_path, monkeypatch):
+    import signal
+
+    from deformer.training import loop
+
+    save = loop.save_checkpoint
+
+    def with_interrupt(*arguments):
+        signal.raise_signal(signal.SIGINT)
+        save(*arguments)
+
+    monkeypatch.setattr(loop, "save_checkpoint", with_interrupt)
+    model = train(bending_bar(), **OPTIONS, checkpoint=tmp_path)
+    assert model.summary["interrupted"] is True and model.summary["epochs"] == 4
+
+
+@pytest.fixture(scope="module")
+def stopped(tmp_path_factory):
+    """A folder with the features alone."""
+    folder = tmp_path_factory.mktemp("run")
+    with pytest.raises(KeyboardInterrupt):
+        train(bending_bar(), **OPTIONS, checkpoint=folder, on_progress=Stop("cross-validation", 1))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [({"components": 4}, "config"), ({"epochs": 5}, "config"), ({"seed": 1}, "seed")],
+)
+def test_other_options_are_seen_without_the_shapes(stopped, options, named):
+    check_resumable(stopped, **OPTIONS)
+    with pytest.raises(InputError, match=f"other {named};"):
+        check_resumable(stopped, **OPTIONS | options)
+
+
+def test_other_shapes_are_refused(stopped):
+    shapes = bending_bar()
+    other = MeshSequence(1.01 * shapes.vertices, shapes.faces)
+    with pytest.raises(InputError, match="other shapes;"):
+        train(other, **OPTIONS, checkpoint=stopped, resume=True)
+
+
+def test_damaged_features_are_refused(stopped, tmp_path):
+    (tmp_path / "features.safetensors").write_bytes(b"half a file")
+    with pytest.raises(InputError, match=r"features\.safetensors: not a readable checkpoint"):
+        check_resumable(tmp_path, **OPTIONS)
