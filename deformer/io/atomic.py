@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import os
+import re
 import secrets
 import shutil
 import stat
+import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +18,12 @@ from pathlib import Path
 from deformer.errors import InputError
 
 PathLike = str | os.PathLike[str]
+
+# Arguments of Linux's renameat2: paths are relative to the working directory; exchange the two.
+_HERE, _EXCHANGE = -100, 2
+_LINUX = sys.platform == "linux"
+# Age from which a temporary file whose process is not found is taken to be abandoned.
+_ABANDONED_SECONDS = 3600.0
 
 
 def check_file(path: Path) -> None:
@@ -52,7 +63,39 @@ def _temporary_name(target: Path) -> Path:
         raise InputError(f"{target}: directory {target.parent} does not exist; create it first")
     if not os.access(target.parent, os.W_OK):
         raise InputError(f"{target}: directory {target.parent} is not writable; choose another")
-    return target.parent / f".{target.stem}-{secrets.token_hex(4)}{target.suffix}"
+    name = f".{target.stem}-{os.getpid()}-{secrets.token_hex(4)}{target.suffix}"
+    return target.parent / name
+
+
+def _remove_abandoned(target: Path) -> None:
+    """Remove temporary files and directories of `target` whose process was killed.
+
+    Called once `target` is written: before, one of them may be the only version.
+    """
+    name = re.compile(rf"\.{re.escape(target.stem)}-(\d+)-[\da-f]{{8}}{re.escape(target.suffix)}")
+    with contextlib.suppress(OSError):  # what cannot be listed or removed stays
+        for path in target.parent.iterdir():
+            found = name.fullmatch(path.name)
+            if found is None or not _is_abandoned(path, int(found[1])):
+                continue
+            if path.is_dir():
+                shutil.rmtree(path)
+            else:
+                path.unlink()
+
+
+def _is_abandoned(path: Path, process: int) -> bool:
+    """True if the process that wrote `path` has ended, as far as this machine knows."""
+    if os.name == "nt":  # has no harmless way to ask
+        return False
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        # A process of another machine that shares the directory writes for less than this.
+        return time.time() - path.stat().st_mtime > _ABANDONED_SECONDS
+    except (PermissionError, OverflowError):
+        pass
+    return False
 
 
 @contextmanager
@@ -81,6 +124,7 @@ def atomic_path(path: PathLike) -> Iterator[Path]:
         raise
     finally:
         temporary.unlink(missing_ok=True)
+    _remove_abandoned(target)
 
 
 def check_directory(path: PathLike, replaceable: Callable[[Path], bool]) -> None:
@@ -96,6 +140,9 @@ def check_directory(path: PathLike, replaceable: Callable[[Path], bool]) -> None
 def atomic_directory(path: PathLike, replaceable: Callable[[Path], bool]) -> Iterator[Path]:
     """Yield a temporary directory beside `path`; rename it to `path` when the block succeeds.
 
+    On Linux an old directory is exchanged for the new one in one step; elsewhere there is a moment
+    without one. Whatever ends the block or the renaming, `path` is the old or the new directory.
+
     Args:
         path: the directory to write; its parent must exist.
         replaceable: true for an entry of an existing directory at `path` that may be lost. The old
@@ -110,22 +157,39 @@ def atomic_directory(path: PathLike, replaceable: Callable[[Path], bool]) -> Ite
     temporary = _temporary_directory(target)
     try:
         yield temporary
-        if target.is_dir():
-            old = _temporary_name(target)
-            target.rename(old)
-            try:
-                temporary.rename(target)
-            except OSError:
-                old.rename(target)
-                raise
-            shutil.rmtree(old)
-        else:
-            temporary.rename(target)
+        _put_in_place(temporary, target)
     except OSError as error:
         _name_target(error, target, temporary)
         raise
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+    _remove_abandoned(target)
+
+
+def _put_in_place(temporary: Path, target: Path) -> None:
+    """Give a directory the name `target`; what had that name is then `temporary`, or gone."""
+    if not target.is_dir():
+        temporary.rename(target)
+        return
+    if _exchange(temporary, target):
+        return
+    # Between two renames there is no `target`: any exception and interrupt brings one back.
+    old = _temporary_name(target)
+    try:
+        target.rename(old)
+        temporary.rename(target)
+    finally:
+        if target.is_dir():
+            shutil.rmtree(old, ignore_errors=True)
+        else:
+            old.rename(target)
+
+
+def _exchange(one: Path, other: Path) -> bool:
+    """Exchange two names in one step; false where the system cannot."""
+    renameat2 = getattr(ctypes.CDLL(None), "renameat2", None) if _LINUX else None
+    paths = os.fsencode(one), os.fsencode(other)
+    return renameat2 is not None and not renameat2(_HERE, paths[0], _HERE, paths[1], _EXCHANGE)
 
 
 def _checked(path: PathLike, replaceable: Callable[[Path], bool]) -> Path:

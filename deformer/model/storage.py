@@ -135,6 +135,27 @@ def load_model(path: str | Path) -> DeformationModel:
     if not folder.is_dir() and len(folder.parts) == 1 and folder.name in shipped_models():
         # Installed packages are directories: every shipped file has a real path.
         folder = Path(str(resources.files("deformer_models").joinpath(folder.name)))
+    while True:
+        before = _version(folder)
+        try:
+            return _read(folder, path)
+        except InputError:
+            # Files of two versions do not match: the model was saved again while it was read.
+            if _version(folder) == before:
+                raise
+
+
+def _version(folder: Path) -> tuple[int, int] | None:
+    """Changes when a model is saved to `folder` or its description is replaced."""
+    try:
+        found = folder.stat()
+    except OSError:
+        return None
+    return found.st_ino, found.st_mtime_ns
+
+
+def _read(folder: Path, path: str | Path) -> DeformationModel:
+    """The model of `folder`, which the caller names `path`."""
     if not folder.is_dir():
         raise InputError(
             f"{path}: no such model; give a model directory, or one of the shipped models: "
@@ -149,7 +170,7 @@ def load_model(path: str | Path) -> DeformationModel:
     try:
         data = json.loads(where.read_text(encoding="utf-8"))
         version = data["format"]
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, OSError) as error:
         raise InputError(f"{where}: not a model description ({error}); restore it") from error
     if version != FORMAT_VERSION:
         raise InputError(
@@ -160,7 +181,7 @@ def load_model(path: str | Path) -> DeformationModel:
         return _assemble(folder, data)
     except InputError:
         raise
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+    except (KeyError, TypeError, ValueError, RuntimeError, OSError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"{where}: incomplete or not of these weights ({reason})") from error
 
