@@ -23,3 +23,25 @@ def examples(*commands: str) -> str:
 def words(text: str | None) -> tuple[str, ...] | None:
     """Words of a text with commas between them; None for None."""
     return None if text is None else tuple(word.strip() for word in text.split(","))
+
+
+def refuse_inputs(output: Path | None, *inputs: str | Path | None) -> None:
+    """Raise InputError, before any work, if `output` is one of the inputs or inside a model.
+
+    Args:
+        output: the file or directory to write, if any.
+        inputs: files and directories to read; also names that are neither, and None.
+    """
+    if output is None:
+        return
+    target = output.resolve()
+    for given in filter(None, inputs):
+        source = Path(given).resolve()
+        of_model = source in target.parents and (source / "model.json").is_file()
+        if of_model or (source == target and target.exists()):
+            from deformer import InputError
+
+            what = "is inside" if of_model else "is also the input"
+            raise InputError(
+                f"{output}: {what} {given}, which it would change; choose another output"
+            )

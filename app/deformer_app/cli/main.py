@@ -15,7 +15,7 @@ import typer
 
 from deformer_app import console
 from deformer_app.cli import evaluate as evaluate_command, shapes as shape_commands
-from deformer_app.cli.arguments import MODEL_HELP, Json, Shapes, examples
+from deformer_app.cli.arguments import MODEL_HELP, Json, Shapes, examples, refuse_inputs
 
 if TYPE_CHECKING:
     from deformer import DeformationModel, MeshSequence
@@ -142,6 +142,7 @@ def train(
     import deformer
     from deformer import io
 
+    refuse_inputs(output, shapes, split)
     options: dict[str, Any] = {
         "components": components,
         "config": config.value,
@@ -273,6 +274,7 @@ def fit(
     from deformer import io
     from deformer_app.cli import fit as fitting
 
+    refuse_inputs(output, model, handles, session)
     if session is not None:
         _fit_session(session, model, handles, output, as_json)
         return
@@ -369,6 +371,7 @@ def demo(
     """
     from deformer_app.cli import demo as player
 
+    refuse_inputs(output, model)
     with console.progress("demo") as report:
         result = player.run(model, output, report)
     if as_json:
@@ -390,6 +393,7 @@ def _fit_session(
         raise deformer.InputError(f"fit: got both {handles} and --session; give one of them")
     fitting.check_output(output, is_sequence=False)
     session = Session.load(path)
+    refuse_inputs(output, session.model.path)
     loaded = deformer.load_model(model or session.model.path)
     session.check_fits(loaded, path)
     pose = posing.replay(session, loaded)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from deformer_app import console
-from deformer_app.cli.arguments import Json, Model, examples
+from deformer_app.cli.arguments import Json, Model, examples, refuse_inputs
 
 app = typer.Typer()
 
@@ -50,6 +50,7 @@ def components(
     """
     from deformer_app.cli import components as analysing
 
+    refuse_inputs(output, model)
     with console.progress("components") as report:
         result = analysing.run(model, output, top, extreme_count, turntable, report)
     if as_json:
@@ -84,6 +85,7 @@ def name(
     """Name components of a model; the names count wherever a component's number does."""
     from deformer_app.cli import components as analysing
 
+    refuse_inputs(output, model)
     result = analysing.rename(model, names, output)
     if as_json:
         console.emit(result)
@@ -154,6 +156,7 @@ def synthesize(
     """Make new shapes: components weighted, swept, or drawn at random."""
     from deformer_app.cli import synthesis as synthesising
 
+    refuse_inputs(output, model, start, onto)
     request = synthesising.Request(
         model, output, weights, tuple(sweep or ()), random, seed, bound, start, spaces, onto
     )
@@ -196,6 +199,7 @@ def interpolate(
     """
     from deformer_app.cli import synthesis as synthesising
 
+    refuse_inputs(output, model, *keys)
     with console.progress("interpolation") as report:
         result = synthesising.between(model, keys, output, steps, spaces, report)
     if as_json:
@@ -242,6 +246,7 @@ def encode(
     """Find the latent code of a shape, and how well the model reproduces it."""
     from deformer_app.cli import synthesis as synthesising
 
+    refuse_inputs(output, model, shape)
     result = synthesising.encode(model, shape, output, quick)
     if as_json:
         console.emit(result)
