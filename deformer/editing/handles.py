@@ -11,6 +11,9 @@ from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
 from deformer.model import DeformationModel
 
+# Targets farther away, in bounding diagonals, would overflow in single precision.
+FARTHEST = 1e10
+
 
 @dataclass(frozen=True)
 class Handle:
@@ -56,6 +59,30 @@ class Pose:
     energy: float
 
 
+def check_target(
+    target: FloatArray, centroid: FloatArray, diagonal: float, name: str = "position:"
+) -> None:
+    """Refuse a target that is not finite, or that no solve in single precision can serve.
+
+    Args:
+        target: (3,) position, in the data's units.
+        centroid: (3,) of the model's reference.
+        diagonal: the reference's bounding diagonal.
+        name: what the message calls the target.
+
+    Raises:
+        InputError: a number that is not finite, or a distance of more than `FARTHEST` diagonals.
+    """
+    if not np.isfinite(target).all():
+        raise InputError(f"{name} {target.tolist()} is not finite")
+    away = np.abs(target - centroid).max() / diagonal
+    if away > FARTHEST:
+        raise InputError(
+            f"{name} {target.tolist()} is {away:.3g} bounding diagonals away from the model, "
+            f"expected at most {FARTHEST:g}; check its units"
+        )
+
+
 def check_handles(
     model: DeformationModel,
     vertices: ArrayLike,
@@ -76,8 +103,8 @@ def check_handles(
         Vertices (H,) integers, targets (H, 3) float64, weights (H,) float64, hard (H,) bool.
 
     Raises:
-        InputError: an index out of range, a target that is not finite, a weight that is not
-            positive, or lengths that differ.
+        InputError: an index out of range, a target that `check_target` refuses, a weight that is
+            not positive, or lengths that differ.
     """
     index, goals = np.asarray(vertices), np.asarray(targets, dtype=np.float64)
     if index.size == 0:
@@ -95,13 +122,13 @@ def check_handles(
     for name, array in (("weights", factors), ("hard", exact)):
         if array.shape != (H,):
             raise InputError(f"{name}: expected ({H},), one a handle, got {array.shape}")
+    centroid, diagonal = model.poisson.centroid, model.reference.bounding_diagonal
     for h in range(H):
         if not 0 <= index[h] < V:
             raise InputError(
                 f"handle {h}: vertex {index[h]} does not exist; the mesh has 0…{V - 1}"
             )
-        if not np.isfinite(goals[h]).all():
-            raise InputError(f"handle {h}: target {goals[h].tolist()} is not finite")
+        check_target(goals[h], centroid, diagonal, f"handle {h}: target")
         if not (np.isfinite(factors[h]) and factors[h] > 0):
             raise InputError(f"handle {h}: weight {factors[h]} is not a positive number")
     return index, goals, factors, exact

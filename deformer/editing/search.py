@@ -33,6 +33,13 @@ _ESTIMATE_TOLERANCE = 0.05
 _FINAL_STEPS = 40
 _FINAL_GAIN = 1e-8
 _REFINEMENTS = 10
+# Warm solves with unchanged targets that gain less than _RESTING try other minima. A start is worth
+# refining if its estimate is at most this share above the energy, unless it ends within _SAME (in
+# standard deviations) of the state; the result replaces the state if its energy is lower by _LOWER.
+_RESTING = 1e-2
+_WORTH_REFINING = 0.1
+_SAME = 0.05
+_LOWER = 5e-3
 # Shares of a refining step, tried in turn until one lowers the exact energy.
 _SHARES = (1.0, 0.3, 0.1, 0.03)
 
@@ -71,6 +78,9 @@ class _Cache:
         decoded: the state whose deformation gradients the surface has.
         correction: correction of the landmarks' derivative.
         solved_for: targets and weights of the last solve.
+        starts: what is left of the starts of a cold solve, with their energies, since the handles
+            are at rest; None while they move.
+        other: a state on its way to another minimum, and its correction.
     """
 
     x: FloatArray | None = None
@@ -78,6 +88,8 @@ class _Cache:
     decoded: State | None = None
     correction: _Correction | None = None
     solved_for: tuple[FloatArray, FloatArray] | None = None
+    starts: list[tuple[HandleEnergy, FloatArray]] | None = None
+    other: tuple[State, _Correction | None] | None = None
 
     def invalidate(self, *, vertices: bool = False) -> None:
         """Drop the results that a changed energy invalidates; the unknowns x stay.
@@ -86,8 +98,13 @@ class _Cache:
             vertices: true if the handle vertices have changed, too.
         """
         self.correction = self.solved_for = None
+        self.forget_starts()
         if vertices:
             self.state = None
+
+    def forget_starts(self) -> None:
+        """Drop what was tried at rest, because the handles have moved."""
+        self.starts = self.other = None
 
 
 class CodeSearch:
@@ -97,6 +114,9 @@ class CodeSearch:
         energy: energy of the model without handles.
         basis: the model's handles; its surface has the gradients of the last code decoded.
         codes: (N, K) training codes, some of which are starts of a cold search.
+
+    Attributes:
+        jumped: true if the last warm solve ended in another minimum than it began in.
     """
 
     def __init__(self, energy: HandleEnergy, basis: HandleBasis, codes: FloatArray) -> None:
@@ -104,6 +124,7 @@ class CodeSearch:
         self.energy = energy
         self._basis, self._codes = basis, codes
         self._cache = _Cache()
+        self.jumped = False
         self._candidates = self._choose_candidates()
 
     def _choose_candidates(self) -> FloatArray:
@@ -182,33 +203,45 @@ class CodeSearch:
         cache = self._cache
         self._targets_unchanged()
         positions = self._basis.landmark_positions()
-        # Each kind of rigid motion is tried on its own: a descent that starts with one never
-        # switches to the other.
         coarse = [
-            energy.descend(positions, x, _START_STEPS)
-            for energy in self.energy.by_rigid_term()
-            for x in self._starts(energy, positions)
+            energy.descend(positions, x, _START_STEPS) for energy, x in self._all_starts(positions)
         ]
         coarse.sort(key=lambda entry: entry[1])
         steps = sum(entry[2] for entry in coarse)
         finished = []
         for x, _, _ in coarse[:_FINISHED]:
             cache.correction = None
-            state = self.evaluate(x)
-            for _ in range(_REFINEMENTS):
-                before = state
-                state, more = self._refine(before)
-                steps += more
-                if state.energy > before.energy * (1.0 - _FINAL_GAIN):
-                    break
+            state, more = self._converge(self.evaluate(x))
+            steps += more
             finished.append((state, cache.correction))
         state, cache.correction = min(finished, key=lambda entry: entry[0].energy)
         return self._keep(state), steps
 
-    def warm(self) -> tuple[State, int]:
+    def _converge(self, state: State) -> tuple[State, int]:
+        """Refine a state until its energy no longer falls."""
+        steps = 0
+        for _ in range(_REFINEMENTS):
+            before = state
+            state, more = self._refine(before)
+            steps += more
+            if state.energy > before.energy * (1.0 - _FINAL_GAIN):
+                break
+        return state, steps
+
+    @property
+    def at_rest(self) -> bool:
+        """True once warm solves with unchanged targets have nothing left to try."""
+        return self._cache.starts == [] and self._cache.other is None
+
+    def warm(self, explore: bool = True) -> tuple[State, int]:
         """One frame: descend by landmarks from the last solution, then evaluate all vertices.
 
-        If targets and weights are those of the last solve, refine towards the exact minimum.
+        If targets and weights are those of the last solve, refine towards the exact minimum. Once
+        that is reached, try the starts of a cold solve, one a call: a drag over a long way may have
+        come to a minimum that is not the lowest.
+
+        Args:
+            explore: false to stay in the minimum of the last solution.
 
         Returns:
             The state, and the steps taken.
@@ -219,12 +252,17 @@ class CodeSearch:
         cache = self._cache
         if cache.x is None:
             raise ValueError("warm: there is no solution to start from; call cold first")
+        self.jumped = False
         state = cache.state or self.evaluate(cache.x)
         # The energy of the last unknowns changes with the targets.
         state = replace(state, energy=self.energy.value(state.x, state.p))
         if self._targets_unchanged():
             found, steps = self._refine(state)
+            if explore and found.energy > state.energy * (1.0 - _RESTING):
+                found, more = self._explore(found)
+                steps += more
             return self._keep(found), steps
+        cache.forget_starts()
         x, estimate, steps = self._descend_by_landmarks(state, _FRAME_STEPS, _FRAME_GAIN)
         found = self.evaluate(x)
         if found.energy > estimate + _ESTIMATE_TOLERANCE * (abs(estimate) + 1.0):
@@ -233,6 +271,41 @@ class CodeSearch:
             again, steps = self.evaluate(x), steps + more
             found = min((again, found), key=lambda entry: entry.energy)
         return self._keep(min((state, found), key=lambda entry: entry.energy)), steps
+
+    def _explore(self, state: State) -> tuple[State, int]:
+        """A part of the search for a lower minimum: a start, or a refinement of what it led to.
+
+        Returns:
+            The state of the lower minimum once it is found, else `state`, and the steps taken.
+        """
+        cache, positions = self._cache, self._basis.landmark_positions()
+        if cache.starts is None:
+            cache.starts = self._all_starts(positions)
+        elif cache.other is not None:
+            return self._refine_other(state, *cache.other)
+        elif cache.starts:
+            energy, start = cache.starts.pop(0)
+            x, estimate, steps = energy.descend(positions, start, _START_STEPS)
+            near = np.linalg.norm(x - state.x) < _SAME
+            if not near and estimate < state.energy * (1.0 + _WORTH_REFINING):
+                cache.other = self.evaluate(x), None
+            return state, steps
+        return state, 0
+
+    def _refine_other(
+        self, state: State, other: State, correction: _Correction | None
+    ) -> tuple[State, int]:
+        """Refine a state that may be on its way below `state`; the lower one, and the steps."""
+        cache = self._cache
+        own, cache.correction, cache.other = cache.correction, correction, None
+        refined, steps = self._refine(other)
+        if refined.energy < state.energy * (1.0 - _LOWER):
+            self.jumped = True
+            return refined, steps
+        if refined.energy < other.energy * (1.0 - _RESTING):
+            cache.other = refined, cache.correction
+        cache.correction = own
+        return state, steps
 
     def _targets_unchanged(self) -> bool:
         """True if the last solve had the present targets and weights; stores the present ones."""
@@ -267,6 +340,18 @@ class CodeSearch:
         )
         here = positions.match(self.energy.code(state.x), state.p)
         return self.energy.descend(positions, state.x, steps, relative_gain, here)
+
+    def _all_starts(self, positions: HandlePositions) -> list[tuple[HandleEnergy, FloatArray]]:
+        """Starts of a cold solve, each with the energy to descend in.
+
+        Each kind of rigid motion is tried on its own: a descent that starts with one never switches
+        to the other.
+        """
+        return [
+            (energy, x)
+            for energy in self.energy.by_rigid_term()
+            for x in self._starts(energy, positions)
+        ]
 
     def _starts(self, energy: HandleEnergy, positions: HandlePositions) -> list[FloatArray]:
         """The prior's mean and the training codes that fit the handles best, rigidly moved."""

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from deformer.compilation import compile_kernels
 from deformer.editing.energy import HandleEnergy
 from deformer.editing.green_functions import HandleBasis
-from deformer.editing.handles import Handle, Pose, check_handles
+from deformer.editing.handles import Handle, Pose, check_handles, check_target
 from deformer.editing.search import CodeSearch, State
 from deformer.editing.unknowns import Unknowns
 from deformer.errors import InputError
@@ -208,12 +208,26 @@ class HandleSolver:
         Args:
             warm: true to start from the last solution alone, for a frame of a drag. Otherwise
                 several starts are tried, and the result does not depend on what was solved before.
+                Warm solves with unchanged targets converge, and then try those starts, too, one a
+                call, until `at_rest`.
         """
+        return self._solve(warm, explore=True)
+
+    @property
+    def at_rest(self) -> bool:
+        """True once further warm solves of the present handles would change nothing."""
+        return self._search.at_rest
+
+    def _solve(self, warm: bool, explore: bool) -> Pose:
         begun = time.perf_counter()
         with one_blas_thread():
             if warm and self.solution is not None:
-                state, steps = self._search.warm()
-                vertices = self._frame_vertices(state)
+                state, steps = self._search.warm(explore)
+                if self._search.jumped:
+                    self._surface.reset()
+                    vertices = self._relaxed_vertices(state)
+                else:
+                    vertices = self._frame_vertices(state)
             else:
                 self._surface.reset()
                 state, steps = self._search.cold()
@@ -224,7 +238,7 @@ class HandleSolver:
     def solve_to_convergence(self, solves: int = 8) -> Pose:
         """Solve from the last solution, again and again until the energy no longer falls.
 
-        For frames that arrive one by one: the pose is that of a drag whose mouse has rested.
+        For frames that arrive one by one: it stays in the minimum of the last solution.
         Without a last solution it is one cold solve.
 
         Args:
@@ -233,10 +247,10 @@ class HandleSolver:
         if self.solution is None:
             return self.solve()
         milliseconds = 0.0
-        pose, steps = self.solve(warm=True), 0
+        pose, steps = self._solve(warm=True, explore=False), 0
         for _ in range(solves - 1):
             milliseconds, steps = milliseconds + pose.milliseconds, steps + pose.iterations
-            before, pose = pose, self.solve(warm=True)
+            before, pose = pose, self._solve(warm=True, explore=False)
             if pose.energy > before.energy * (1.0 - _CONVERGED):
                 break
         return replace(
@@ -253,7 +267,7 @@ class HandleSolver:
             position: (3,) new target, in the data's units.
 
         Raises:
-            InputError: `vertex` has no handle, or the position is not 3 finite numbers.
+            InputError: `vertex` has no handle, or the position is not 3 finite numbers in reach.
         """
         position = np.asarray(position, dtype=np.float64)
         indices = [h for h, handle in enumerate(self._handles) if handle.vertex == vertex]
@@ -264,6 +278,7 @@ class HandleSolver:
             )
         if position.shape != (3,) or not np.isfinite(position).all():
             raise InputError(f"position: expected 3 finite numbers, got {position.tolist()}")
+        check_target(position, self.energy.centroid, self.energy.diagonal)
         target = (float(position[0]), float(position[1]), float(position[2]))
         moved = self.handles
         for h in indices:

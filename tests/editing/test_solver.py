@@ -605,3 +605,54 @@ def test_a_change_of_the_prior_between_new_handles_and_their_solve(model):
     expected = other.solve(warm=True)
     np.testing.assert_allclose(found.vertices, expected.vertices, atol=1e-5)
     assert np.isfinite(found.energy)
+
+
+@pytest.mark.parametrize("hard", [False, True])
+@pytest.mark.parametrize("diagonals", [1.0, 10.0, 1000.0])
+def test_a_drag_far_away_and_back_comes_to_the_cold_solve(model, diagonal, diagonals, hard):
+    vertices = [3, 40, 80]
+    solver = HandleSolver(model)
+    targets = model.reference.vertices[vertices] + 0.01 * diagonal
+    solver.set_handles(vertices, targets, hard=hard)
+    cold = solver.solve()
+    solver.drag(3, targets[0] + [diagonals * diagonal, 0.0, 0.0])
+    pose = solver.drag(3, targets[0])
+    for _ in range(100):
+        before, pose = pose, solver.solve(warm=True)
+        if solver.at_rest and pose.energy > before.energy * (1 - 1e-4):
+            break
+    assert solver.at_rest
+    assert pose.energy <= 1.01 * cold.energy
+    np.testing.assert_allclose(solver.relax().vertices, cold.vertices, atol=2e-2 * diagonal)
+
+
+def test_a_minimum_that_is_not_the_lowest_is_left_at_rest_alone(model, diagonal):
+    solver = HandleSolver(model)
+    vertices = [3, 40, 80]
+    targets = model.reference.vertices[vertices] + 0.01 * diagonal
+    solver.set_handles(vertices, targets)
+    cold = solver.solve()
+    turned = cold.rotation + np.array([0.0, 0.0, np.pi])  # the handles nearly fit upside down, too
+    solver.restore(cold.z, turned, cold.translation)
+    streamed = solver.solve_to_convergence(40)
+    energies = [streamed.energy]
+    while not solver.at_rest:
+        energies.append(solver.solve(warm=True).energy)
+    assert np.diff(energies).max() <= 1e-9 * energies[0]  # never up
+    assert energies[-1] <= 1.01 * cold.energy
+
+
+@pytest.mark.parametrize("hard", [False, True])
+def test_targets_out_of_reach_are_refused_and_leave_no_trace(model, diagonal, hard):
+    solver = HandleSolver(model)
+    target = model.reference.vertices[[3]]
+    solver.set_handles([3], target, hard=hard)
+    solver.solve()
+    for size in (1e11, 1e25, 1e160):
+        with pytest.raises(InputError, match=r"bounding diagonals away .* check its units"):
+            solver.drag(3, [size * diagonal, 0.0, 0.0])
+        with pytest.raises(InputError, match=r"handle 0: target .* check its units"):
+            solver.set_handles([3], [[0.0, size * diagonal, 0.0]])
+    far = solver.drag(3, [5e9 * diagonal, 0.0, 0.0])
+    assert np.isfinite(far.vertices).all()
+    assert np.isfinite(solver.drag(3, target[0]).vertices).all()

@@ -15,7 +15,7 @@ from deformer_app.viewer.edit import Edit, Handle, Solution, point
 from deformer_app.viewer.session import Session
 
 # Improved poses of one request, at most: while the mouse does not move, and after its release.
-_FRAMES = 12
+_FRAMES = 40
 _STILL = 1e-4  # relative decrease of the energy that counts as converged
 
 
@@ -108,7 +108,7 @@ class PoseWorker:
         yield self._answer(request, pose, False)
         for _ in range(_FRAMES):
             before, pose = pose, self._solver.solve(warm=True)
-            if pose.energy > before.energy * (1.0 - _STILL):
+            if self._solver.at_rest and pose.energy > before.energy * (1.0 - _STILL):
                 break
             yield self._answer(request, pose, False)
         if not request.moving:
