@@ -119,39 +119,38 @@ class _Scene:
             if index in seen:
                 raise self._broken(f"node {index} is listed twice, expected one parent")
             seen.add(index)
-            world = self._world(parent, node, index)
-            yield node, index, world
-            label = f"node {index}"
-            stack += [(child, world, label) for child in reversed(node.get("children", []))]
+            # The others need no transform, and there may be hundreds of thousands.
+            if "mesh" in node or "children" in node:
+                label = f"node {index}"
+                world = self._world(parent, node, label)
+                yield node, index, world
+                stack += [(child, world, label) for child in reversed(node.get("children", []))]
 
-    def _world(self, parent: FloatArray, node: dict, index: int) -> FloatArray:
+    def _world(self, parent: FloatArray, node: dict, label: str) -> FloatArray:
         """Transform (4, 4) of a node to the world: its own or translation · rotation · scale."""
 
-        def numbers(key: str, default: tuple[float, ...]) -> FloatArray:
-            values = node.get(key, default)
-            if len(values) != len(default) or not all(type(v) in (int, float) for v in values):
-                raise self._broken(f"node {index} has {key} {values}"[:120])
+        def numbers(key: str, length: int) -> FloatArray:
+            values = node[key]
+            if len(values) != length or not all(type(v) in (int, float) for v in values):
+                raise self._broken(f"{label} has {key} {values}"[:120])
             return np.array(values, dtype=np.float64)
 
         if "matrix" in node:
-            return parent @ numbers("matrix", (0.0,) * 16).reshape(4, 4).T
+            return parent @ numbers("matrix", 16).reshape(4, 4).T
         if not {"rotation", "scale", "translation"} & node.keys():
             return parent
         local = np.eye(4)
-        x, y, z, w = quaternion = numbers("rotation", (0.0, 0.0, 0.0, 1.0))
-        if not abs(np.linalg.norm(quaternion) - 1) < 0.01:
-            raise self._broken(
-                f"node {index} has rotation {quaternion.tolist()}, expected a unit quaternion"
-            )
-        rotation = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-            ]
-        )
-        local[:3, :3] = rotation * numbers("scale", (1.0, 1.0, 1.0))
-        local[:3, 3] = numbers("translation", (0.0, 0.0, 0.0))
+        if "rotation" in node:
+            quaternion = numbers("rotation", 4)
+            if not abs(np.linalg.norm(quaternion) - 1) < 0.01:
+                raise self._broken(
+                    f"{label} has rotation {quaternion.tolist()}, expected a unit quaternion"
+                )
+            local[:3, :3] = _rotation(*quaternion.tolist())
+        if "scale" in node:
+            local[:3, :3] *= numbers("scale", 3)
+        if "translation" in node:
+            local[:3, 3] = numbers("translation", 3)
         return parent @ local
 
     def _add_mesh(self, mesh: dict, index: int, world: FloatArray) -> None:
@@ -173,7 +172,7 @@ class _Scene:
             self._items += len(corners) + _ITEMS_OF_PRIMITIVE
             if accessor not in starts:
                 self._items += len(points)
-            if self._items > max(_MOST_ITEMS, len(self._binary)):
+            if self._items > _MOST_ITEMS + len(self._binary):
                 raise self._broken(
                     f"nodes repeat their meshes to more than {self._items} vertices and corners"
                 )
@@ -247,9 +246,10 @@ class _Scene:
     def _item(self, family: str, index: Any, label: str) -> dict:
         """Object number `index` of one of the lists at the top of the JSON."""
         items = self._json.get(family)
-        found = len(items) if isinstance(items, list) else 0
-        if type(index) is not int or not 0 <= index < found:
-            raise self._broken(f"{label} refers to number {index!r} of {found} {family}"[:120])
+        if not isinstance(items, list):
+            raise self._broken(f"no list of {family}")
+        if type(index) is not int or not 0 <= index < len(items):
+            raise self._broken(f"{label} refers to number {index!r} of {len(items)} {family}"[:120])
         if not isinstance(items[index], dict):
             raise self._broken(f"number {index} of {family} is no object")
         return items[index]
@@ -274,6 +274,17 @@ class _Scene:
         return InputError(
             f"{self._name}: broken glTF structure, {found}; export the file again as glTF 2.0"
         )
+
+
+def _rotation(x: float, y: float, z: float, w: float) -> FloatArray:
+    """Matrix (3, 3) of a unit quaternion."""
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
 
 
 def _strings(values: Any) -> list[str]:
