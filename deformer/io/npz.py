@@ -15,6 +15,7 @@ from deformer.io.atomic import check_file
 # Zip files of zeros shrink a thousandfold, shapes a few times.
 _MOST_UNPACKED = 256_000_000
 _MOST_SHRUNK = 25
+_BYTES_OF_NUMBER = 8  # once they are float64 or int64
 
 
 def read_npz(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
@@ -34,23 +35,20 @@ def read_npz(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
             members = {info.filename: info for info in archive.infolist()}
             for name in names:
                 if f"{name}.npy" not in members:
-                    found = [member.removesuffix(".npy") for member in members]
+                    found = [member.removesuffix(".npy") for member in members][:20]
                     expected = " and ".join(map(repr, names))
                     raise InputError(
                         f"{path}: holds arrays {found}, expected {expected}; add {name!r}"
                     )
-            unpacked = sum(members[f"{name}.npy"].file_size for name in names)
-            if unpacked > max(_MOST_UNPACKED, _MOST_SHRUNK * path.stat().st_size):
-                raise InputError(
-                    f"{path}: unpacks to {unpacked / 1e6:.0f} MB, {_MOST_SHRUNK} times its size or "
-                    "more, which shapes do not; if they are right, save them with numpy.savez, "
-                    "which does not compress"
-                )
-            arrays = {}
+            room = max(_MOST_UNPACKED, _MOST_SHRUNK * path.stat().st_size) // _BYTES_OF_NUMBER
+            arrays: dict[str, np.ndarray] = {}
             for name in names:
                 info = members[f"{name}.npy"]
                 with archive.open(info) as stream:
-                    arrays[name] = _read_array(stream, info.file_size, f"{path}, array {name!r}")
+                    arrays[name] = _read_array(
+                        stream, info.file_size, room, f"{path}, array {name!r}"
+                    )
+                room -= arrays[name].size
             return arrays
     except InputError:
         raise
@@ -62,8 +60,8 @@ def read_npz(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
         ) from error
 
 
-def _read_array(stream: IO[bytes], size: int, label: str) -> np.ndarray:
-    """The array of a member of `size` bytes, if that is what its header says."""
+def _read_array(stream: IO[bytes], size: int, room: int, label: str) -> np.ndarray:
+    """The array of a member of `size` bytes, of at most `room` numbers, if its header says so."""
     try:
         version = np.lib.format.read_magic(stream)
         reader = {
@@ -85,6 +83,12 @@ def _read_array(stream: IO[bytes], size: int, label: str) -> np.ndarray:
         raise InputError(
             f"{label}: {found} bytes, expected those of shape {shape} and type {dtype}; the file "
             "is damaged, save it again"
+        )
+    if math.prod(shape) > room:
+        raise InputError(
+            f"{label}: {math.prod(shape)} numbers, which is {_MOST_SHRUNK} times the size of the "
+            "file or more, and shapes do not shrink that far; if they are right, save them with "
+            "numpy.savez, which does not compress"
         )
     stream.seek(0)
     # Reading to the end compares the checksum, too.
