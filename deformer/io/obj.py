@@ -65,7 +65,9 @@ def _normalised(data: bytes) -> bytes:
     if b"\\" in data:
         # Only v and f statements are continued: a comment or path may end in a backslash by chance.
         # \v replaces the line end, so that lines can still be counted.
-        data = _CONTINUED.sub(lambda m: re.sub(rb"\\\r?\n", b" \v", m[0]), data)
+        data = _CONTINUED.sub(
+            lambda m: m[0].replace(b"\\\r\n", b" \v").replace(b"\\\n", b" \v"), data
+        )
     data = data.replace(b"\t", b" ")
     # Most files have neither letter, and looking for them takes no time.
     if b"V " in data or b"F " in data:
@@ -89,10 +91,13 @@ def _faces(
     face_lines: list[bytes], lines: list[bytes], text: bytes, vertex_count: int, name: str
 ) -> IntArray:
     # "17/3/5" is vertex 17, texture coordinate 3, normal 5; only the vertex is used.
-    rows = [
-        re.sub(rb"/[^\s]*", b"", line.partition(b"#")[0]).split()[1:] if line else []
-        for line in face_lines
-    ]
+    plain = re.sub(rb"#[^\n]*|/[^\s#]*", b"", b"\n".join(face_lines))
+    rows: list[list[bytes]] = []
+    for line in plain.split(b"\n") if face_lines else []:
+        rows.append(line.split()[1:])
+        # It is refused below by this name; the rows after it need no memory.
+        if len(rows[-1]) < 3:
+            break
 
     def where(i: int) -> str:
         return _line_of(text, b"f", i)
@@ -103,7 +108,7 @@ def _faces(
         is_vertex = np.array([line[:2] == b"v " for line in lines])
         is_face = np.array([line[:2] == b"f " or line == b"f" for line in lines])
         seen = np.cumsum(is_vertex)[is_face]
-        corners = np.where(raw < 0, raw + np.repeat(seen, counts), corners)
+        corners = np.where(raw < 0, raw + np.repeat(seen[: len(counts)], counts), corners)
     return fan_triangles(corners, counts, vertex_count, name, where, written=raw, first=1)
 
 

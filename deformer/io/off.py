@@ -41,12 +41,12 @@ def read_off(data: bytes, name: str) -> tuple[FloatArray, IntArray]:
     plain = _read_plain_triangles(data)
     if plain is not None:
         return plain
-    rows, numbers = [], []
-    for number, line in enumerate(data.splitlines(), 1):
-        row = line.partition(b"#")[0].split()
-        if row:
-            rows.append(row)
-            numbers.append(number)
+    rows = [row for line in data.splitlines() if (row := _tokens(line))]
+
+    def where(row: int) -> str:
+        numbers = [n for n, line in enumerate(data.splitlines(), 1) if _tokens(line)]
+        return f"line {numbers[row]}"
+
     if not rows or not _HEADER.fullmatch(rows[0][0]) or b"BINARY" in rows[0]:
         found = rows[0][0][:20].decode("utf-8", "replace") if rows else "nothing"
         raise InputError(
@@ -60,7 +60,7 @@ def read_off(data: bytes, name: str) -> tuple[FloatArray, IntArray]:
     vertex_count, face_count = (item_count(token) for token in (*head, b"", b"")[:2])
     if vertex_count < 0 or face_count < 0:
         raise InputError(
-            f"{name}, line {numbers[start - 1]}: found {shown(head)}, expected the counts of "
+            f"{name}, {where(start - 1)}: found {shown(head)}, expected the counts of "
             "vertices and faces; export the file again"
         )
     if vertex_count == 0:
@@ -75,26 +75,31 @@ def read_off(data: bytes, name: str) -> tuple[FloatArray, IntArray]:
     end = middle + face_count
     if end < len(rows):
         raise InputError(
-            f"{name}, line {numbers[end]}: found {shown(rows[end])} after {vertex_count} vertices "
+            f"{name}, {where(end)}: found {shown(rows[end])} after {vertex_count} vertices "
             f"and {face_count} faces, expected the end of the file; correct the counts or remove "
             "the rest"
         )
-    vertices = positions(rows[start:middle], 0, name, lambda i: f"line {numbers[start + i]}")
-
-    def where(i: int) -> str:
-        return f"line {numbers[middle + i]}"
+    vertices = positions(rows[start:middle], 0, name, lambda i: where(start + i))
 
     polygons = []
     for i, row in enumerate(rows[middle:end]):
         count = item_count(row[0])
         if count < 0 or len(row) < 1 + count:
             raise InputError(
-                f"{name}, {where(i)}: expected a corner count and as many vertex indices; "
+                f"{name}, {where(middle + i)}: expected a corner count and as many vertex indices; "
                 "correct the line or export the file again"
             )
         polygons.append(row[1 : 1 + count])
-    corners, counts = corner_indices(polygons, name, where)
-    return vertices, fan_triangles(corners, counts, vertex_count, name, where)
+
+    def where_face(i: int) -> str:
+        return where(middle + i)
+
+    corners, counts = corner_indices(polygons, name, where_face)
+    return vertices, fan_triangles(corners, counts, vertex_count, name, where_face)
+
+
+def _tokens(line: bytes) -> list[bytes]:
+    return line.partition(b"#")[0].split()
 
 
 def _read_plain_triangles(data: bytes) -> tuple[FloatArray, IntArray] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import struct
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -75,11 +75,11 @@ def read_ply(data: bytes, name: str) -> tuple[FloatArray, IntArray]:
     order, elements, body = _header(data, name)
     vertex = next((e for e in elements if e.name == "vertex"), None)
     scalars = {p.name for p in vertex.properties if not p.count_type} if vertex else set()
-    if vertex is None or vertex.count == 0 or not {"x", "y", "z"} <= scalars:
+    if vertex is None or not {"x", "y", "z"} <= scalars:
         raise InputError(
             f"{name}: no vertices, expected an element 'vertex' with x, y, z; export it again"
         )
-    if not any(e.name == "face" and e.count and e.index_list for e in elements):
+    if not any(e.name == "face" and e.index_list for e in elements):
         raise InputError(
             f"{name}: no faces, expected an element 'face' with 'vertex_indices'; export the mesh "
             "with its faces"
@@ -90,7 +90,7 @@ def read_ply(data: bytes, name: str) -> tuple[FloatArray, IntArray]:
 
 
 def _header(data: bytes, name: str) -> tuple[str, list[_Element], int]:
-    """Byte order, elements that have properties, and where the rows start."""
+    """Byte order, elements that have rows and properties, and where the rows start."""
     first = _FIRST_LINE.match(data)
     line_end = b"\r" if first and first[1] == b"\r" else b"\n"
     last = re.compile(line_end + rb"[ \t]*end_header[ \t\r]*?" + line_end, re.IGNORECASE)
@@ -98,31 +98,42 @@ def _header(data: bytes, name: str) -> tuple[str, list[_Element], int]:
     if not first or not end:
         raise InputError(f"{name}: no PLY header, expected 'ply' … 'end_header'; export it again")
     order: str | None = None
-    elements: list[_Element] = []
+    counts: dict[str, int] = {}
+    properties: dict[str, dict[str, _Property]] = {}
+    owner = ""
     lines = data[first.end() : end.start()].decode("ascii", "replace").split(line_end.decode())
     for number, line in enumerate(lines, 2):
+        added = None
         match line.lower().split():
             case [] | ["comment" | "obj_info", *_]:
                 continue
             case ["format", kind, *_] if kind in _ORDERS and order is None:
                 order = _ORDERS[kind]
-            case ["element", element, count] if item_count(count) >= 0:
-                if element in (e.name for e in elements):
-                    raise _header_error(name, number, line, f"one element {element!r}")
-                elements.append(_Element(element, item_count(count), ()))
-            case ["property", "list", n, t, p] if elements and n in _TYPES and t in _TYPES:
+            case ["element", owner, count] if item_count(count) >= 0:
+                if owner in counts:
+                    raise _header_error(name, number, line, f"one element {owner!r}")
+                counts[owner], properties[owner] = item_count(count), {}
+            case ["property", "list", n, t, p] if owner and n in _TYPES and t in _TYPES:
                 if _TYPES[n].startswith("f"):
                     raise _header_error(name, number, line, "an integer type for the list's length")
                 added = _Property(p, _TYPES[t], _TYPES[n])
-                elements[-1] = _with_property(elements[-1], added, name, number)
-            case ["property", t, p] if elements and t in _TYPES:
+            case ["property", t, p] if owner and t in _TYPES:
                 added = _Property(p, _TYPES[t], None)
-                elements[-1] = _with_property(elements[-1], added, name, number)
             case _:
                 raise _header_error(name, number, line, "a PLY header line")
+        if added:
+            if added.name in properties[owner]:
+                raise _header_error(name, number, line, f"each property of {owner!r} once")
+            properties[owner][added.name] = added
     if order is None:
         raise InputError(f"{name}: no 'format' line in the PLY header; export the file again")
-    return order, [element for element in elements if element.properties], end.end()
+    # Elements without rows or properties have no bytes in the file.
+    elements = [
+        _Element(element, count, tuple(properties[element].values()))
+        for element, count in counts.items()
+        if count and properties[element]
+    ]
+    return order, elements, end.end()
 
 
 def _header_error(name: str, number: int, line: str, expected: str) -> InputError:
@@ -130,12 +141,6 @@ def _header_error(name: str, number: int, line: str, expected: str) -> InputErro
         f"{name}, line {number}: found {line.strip()[:60]!r} in the PLY header, expected "
         f"{expected}; export the file again"
     )
-
-
-def _with_property(element: _Element, added: _Property, name: str, number: int) -> _Element:
-    if any(p.name == added.name for p in element.properties):
-        raise _header_error(name, number, added.name, f"each property of {element.name!r} once")
-    return replace(element, properties=(*element.properties, added))
 
 
 def _read_text(
@@ -149,24 +154,29 @@ def _read_text(
         return f"line {numbers[row]}"
 
     start = face_start = 0
-    vertices, polygons = np.empty((0, 3)), []
+    vertices: FloatArray = np.empty((0, 3))
+    polygons: list[list[bytes]] = []
     for element in elements:
         block = lines[start : start + element.count]
         if len(block) < element.count:
             raise _cut_short(name, element, len(block))
-        rows = [line.split() for line in block] if element.name in ("vertex", "face") else []
         if element.name == "vertex":
+            rows = [line.split() for line in block]
             vertices = _text_positions(rows, element, name, lambda i, at=start: where(at + i))
         elif element.name == "face":
             face_start = start
-            polygons = [_text_polygon(row, element) for row in rows]
-            if None in polygons:
-                i = polygons.index(None)
-                raise InputError(
-                    f"{name}, {where(start + i)}: cannot read {shown(rows[i])} as a face, expected "
-                    f"its properties {[p.name for p in element.properties]}; correct the line or "
-                    "export it again"
-                )
+            for i, line in enumerate(block):
+                polygon = _text_polygon(line.split(), element)
+                if polygon is None:
+                    raise InputError(
+                        f"{name}, {where(start + i)}: cannot read {shown([line])} as a face, "
+                        f"expected its properties {[p.name for p in element.properties]}; correct "
+                        "the line or export it again"
+                    )
+                polygons.append(polygon)
+                # It is refused below by this name; the rows after it need no memory.
+                if len(polygon) < 3:
+                    break
         start += element.count
     if start < len(lines):
         raise InputError(
@@ -278,7 +288,7 @@ def _uniform_row(data: bytes, start: int, element: _Element, order: str) -> np.d
         shape: tuple[int, ...] = ()
         if prop.count_type:
             count = np.dtype(order + prop.count_type)
-            if element.count == 0 or offset + count.itemsize > len(data):
+            if offset + count.itemsize > len(data):
                 return None
             length = int(np.frombuffer(data, count, 1, offset)[0])
             offset += count.itemsize
