@@ -87,12 +87,13 @@ class _Scene:
         for node, index, world in self._nodes():
             if "mesh" not in node:
                 continue
-            if "EXT_mesh_gpu_instancing" in node.get("extensions", {}):
+            if "EXT_mesh_gpu_instancing" in self._part(node, "extensions", {}, f"node {index}"):
                 raise self._refusal(f"node {index} repeats its mesh", "make each copy a mesh")
             if "skin" in node:
                 raise self._refusal(f"node {index} is moved by a skeleton", "apply the pose")
             mesh = self._item("meshes", node["mesh"], f"node {index}")
-            if any(node.get("weights", mesh.get("weights", []))):
+            weights = self._part(mesh, "weights", [], f"mesh {node['mesh']}")
+            if any(self._part(node, "weights", weights, f"node {index}")):
                 raise self._refusal(f"node {index} is moved by morph targets", "apply the shape")
             self._add_mesh(mesh, node["mesh"], world)
         if not self._faces:
@@ -103,13 +104,17 @@ class _Scene:
 
     def _nodes(self) -> Iterator[tuple[dict, int, FloatArray]]:
         """Nodes of the scene depth first, with their indices and transforms to the world (4, 4)."""
-        nodes = self._json.get("nodes", [])
+        nodes = self._part(self._json, "nodes", [], "the file")
         if self._json.get("scenes"):
             scene = self._item("scenes", self._json.get("scene", 0), "the file")
-            roots = scene.get("nodes", [])
+            roots = self._part(scene, "nodes", [], "the scene")
         else:
-            children = {child for node in nodes for child in node.get("children", [])}
-            roots = [i for i in range(len(nodes)) if i not in children]
+            # As text, since a damaged list may hold anything; `_item` refuses that below.
+            children: set[str] = set()
+            for i in range(len(nodes)):
+                node = self._item("nodes", i, "the file")
+                children.update(map(str, self._part(node, "children", [], f"node {i}")))
+            roots = [i for i in range(len(nodes)) if str(i) not in children]
         seen = set()
         identity = np.eye(4)
         stack = [(root, identity, "the scene") for root in reversed(roots)]
@@ -124,15 +129,21 @@ class _Scene:
                 label = f"node {index}"
                 world = self._world(parent, node, label)
                 yield node, index, world
-                stack += [(child, world, label) for child in reversed(node.get("children", []))]
+                children = self._part(node, "children", [], label)
+                stack += [(child, world, label) for child in reversed(children)]
 
     def _world(self, parent: FloatArray, node: dict, label: str) -> FloatArray:
         """Transform (4, 4) of a node to the world: its own or translation · rotation · scale."""
 
         def numbers(key: str, length: int) -> FloatArray:
             values = node[key]
-            if len(values) != length or not all(type(v) in (int, float) for v in values):
-                raise self._broken(f"{label} has {key} {values}"[:120])
+            if (
+                not isinstance(values, list)
+                or len(values) != length
+                or not all(type(v) in (int, float) and abs(v) < 1e300 for v in values)
+            ):
+                found = f"{label} has {key} {values}"
+                raise self._broken(f"{found[:120]}, expected {length} numbers")
             return np.array(values, dtype=np.float64)
 
         if "matrix" in node:
@@ -155,13 +166,18 @@ class _Scene:
 
     def _add_mesh(self, mesh: dict, index: int, world: FloatArray) -> None:
         starts: dict[int, int] = {}
-        for number, primitive in enumerate(mesh["primitives"]):
+        primitives = self._part(mesh, "primitives", [], f"mesh {index}")
+        if not primitives:
+            raise self._broken(f"mesh {index} has no primitives")
+        for number, primitive in enumerate(primitives):
             label = f"mesh {index} primitive {number}"
-            self._refuse_compression(label, primitive.get("extensions", {}))
+            if not isinstance(primitive, dict):
+                raise self._broken(f"{label} is no object")
+            self._refuse_compression(label, self._part(primitive, "extensions", {}, label))
             mode = primitive.get("mode", _TRIANGLES)
             if mode != _TRIANGLES:
                 raise self._refusal(f"{label} has drawing mode {mode}", "export triangles only")
-            accessor = primitive["attributes"]["POSITION"]
+            accessor = self._part(primitive, "attributes", {}, label).get("POSITION")
             points = self._array(accessor, self._position_types, "VEC3", label)
             if "indices" in primitive:
                 corners = self._array(primitive["indices"], _INDEX_TYPES, "SCALAR", label).ravel()
@@ -210,13 +226,13 @@ class _Scene:
         number, kind_name = accessor.get("componentType"), accessor.get("type")
         if kind_name != shape:
             raise self._broken(f"{label} is of type {kind_name!r}, expected {shape!r}")
-        if number not in types:
+        if type(number) is not int or number not in types:
             raise self._refusal(
                 f"{label} has numbers of type {number}, expected one of {sorted(types)}",
                 "export without quantisation",
             )
         view = self._item("bufferViews", accessor["bufferView"], label)
-        self._refuse_compression(label, view.get("extensions", {}))
+        self._refuse_compression(label, self._part(view, "extensions", {}, label))
         buffer = self._item("buffers", view.get("buffer"), label)
         if "uri" in buffer:
             raise self._refusal(f"{label} is kept outside the file", "export one .glb file")
@@ -253,6 +269,14 @@ class _Scene:
         if not isinstance(items[index], dict):
             raise self._broken(f"number {index} of {family} is no object")
         return items[index]
+
+    def _part(self, item: dict, key: str, default: Any, label: str) -> Any:
+        """Value of `key`, which is of the type of its default."""
+        value = item.get(key, default)
+        if not isinstance(value, type(default)):
+            kind = "an object" if isinstance(default, dict) else "a list"
+            raise self._broken(f"{label} has {key} {value!r}"[:120] + f", expected {kind}")
+        return value
 
     def _whole(self, item: dict, key: str, default: int | None, label: str) -> int:
         value = item.get(key, default)
