@@ -110,11 +110,11 @@ class _Scene:
             roots = self._part(scene, "nodes", [], "the scene")
         else:
             # As text, since a damaged list may hold anything; `_item` refuses that below.
-            children: set[str] = set()
+            listed: set[str] = set()
             for i in range(len(nodes)):
                 node = self._item("nodes", i, "the file")
-                children.update(map(str, self._part(node, "children", [], f"node {i}")))
-            roots = [i for i in range(len(nodes)) if str(i) not in children]
+                listed.update(map(str, self._part(node, "children", [], f"node {i}")))
+            roots = [i for i in range(len(nodes)) if str(i) not in listed]
         seen = set()
         identity = np.eye(4)
         stack = [(root, identity, "the scene") for root in reversed(roots)]
