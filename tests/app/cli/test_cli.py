@@ -20,7 +20,9 @@ from deformer_app.cli import main as cli
 from waiting import HANG, wait_for
 
 COMMANDS = ["check", "train", "info", "fit", "evaluate", "edit", "demo"]
-DEFORMER = [sys.executable, "-c", "from deformer_app.cli.main import main; main()"]
+# A shell that runs the tests in the background has its programs ignore SIGINT.
+HEED = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+DEFORMER = [sys.executable, "-c", HEED + "from deformer_app.cli.main import main; main()"]
 EPOCHS = "4"
 
 
