@@ -14,15 +14,13 @@ import pytest
 
 import deformer
 from bars import bending_bar
+from command import DEFORMER
 from deformer.linalg import CORES
 from deformer_app import console
 from deformer_app.cli import main as cli
 from waiting import HANG, wait_for
 
 COMMANDS = ["check", "train", "info", "fit", "evaluate", "edit", "demo"]
-# A shell that runs the tests in the background has its programs ignore SIGINT.
-HEED = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
-DEFORMER = [sys.executable, "-c", HEED + "from deformer_app.cli.main import main; main()"]
 EPOCHS = "4"
 
 

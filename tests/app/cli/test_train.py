@@ -12,11 +12,8 @@ import pytest
 
 import deformer
 from bars import bending_bar
+from command import DEFORMER
 from waiting import HANG
-
-# A shell that runs the tests in the background has its programs ignore SIGINT.
-HEED = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
-DEFORMER = [sys.executable, "-c", HEED + "from deformer_app.cli.main import main; main()"]
 
 
 @pytest.fixture(scope="module")
