@@ -14,7 +14,7 @@ LIBRARY = ROOT / "deformer"
 APPLICATION = ROOT / "app" / "deformer_app"
 
 # A package imports only from packages before it. All may use the modules beside the packages.
-LOOSE_MODULES = ("errors", "compilation")
+LOOSE_MODULES = ("errors", "checks", "compilation")
 LIBRARY_PACKAGES = (
     "geometry", "io", "linalg", "acap", "network", "model", "analysis", "editing", "training",
     "baselines", "evaluation",

@@ -11,6 +11,12 @@ from .json_files import (
     read_json as read_json,
     write_json as write_json,
 )
+from .json_values import (
+    LARGEST as LARGEST,
+    JsonValue as JsonValue,
+    parse_value as parse_value,
+    read_value as read_value,
+)
 from .meshes import (
     MESH_SUFFIXES as MESH_SUFFIXES,
     load_mesh as load_mesh,

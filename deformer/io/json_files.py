@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from deformer.checks import LARGEST, shortened
 from deformer.errors import InputError
-from deformer.io.atomic import PathLike, atomic_path, read_bytes
+from deformer.io.atomic import PathLike, atomic_path
+from deformer.io.json_values import JsonValue, read_value
 
 
 def write_json(path: PathLike, data: Any) -> None:
@@ -44,25 +44,10 @@ def read_json(path: PathLike) -> dict[str, Any]:
         path: the file.
 
     Raises:
-        InputError: the file is missing, not JSON, or contains something else.
+        InputError: the file is missing, not JSON, contains something else, or a number or text
+            that JSON cannot represent.
     """
-    path = Path(path)
-    content = read_bytes(path)
-    try:
-        data = json.loads(content)
-    except json.JSONDecodeError as error:
-        raise InputError(
-            f"{path}, line {error.lineno}: not JSON ({error.msg}); correct the line"
-        ) from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: not JSON ({error}); write the file again") from error
-    if not isinstance(data, dict):
-        raise InputError(f"{path}: a JSON {type(data).__name__}, expected an object {{…}}; wrap it")
-    return data
-
-
-def _is_integer(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
+    return read_value(path).value
 
 
 def load_split(path: PathLike, count: int) -> dict[str, list[int]]:
@@ -79,27 +64,20 @@ def load_split(path: PathLike, count: int) -> dict[str, list[int]]:
         InputError: a list is missing, an index is no integer, out of range or given twice, or
             `train` is empty.
     """
-    file = Path(path)
-    data = read_json(file)
+    data = read_value(path)
     owner: dict[int, str] = {}
     for part in ("train", "test"):
-        if not isinstance(data.get(part), list):
-            raise InputError(f'{file}: no list {part!r}, expected {{"train": […], "test": […]}}')
-        for i, index in enumerate(data[part]):
-            if not _is_integer(index) or not 0 <= index < count:
-                raise InputError(
-                    f"{file}, {part}[{i}]: found {index!r}, expected an integer of 0…{count - 1}; "
-                    "correct or remove it"
-                )
+        for entry in data[part].items():
+            index = entry.integer(0, count - 1)
             if index in owner:
                 raise InputError(
-                    f"{file}, {part}[{i}]: shape {index} is already in {owner[index]!r}, expected "
-                    "each shape once; remove one"
+                    f"{entry}: shape {index} is already in {owner[index]!r}, expected each shape "
+                    "once; remove one"
                 )
             owner[index] = part
-    if not data["train"]:
-        raise InputError(f"{file}: 'train' is empty, expected at least one shape; add indices")
-    return {part: list(data[part]) for part in ("train", "test")}
+    if not data["train"].value:
+        raise InputError(f"{path}: 'train' is empty, expected at least one shape; add indices")
+    return {part: data[part].value for part in ("train", "test")}
 
 
 @dataclass(frozen=True)
@@ -141,83 +119,37 @@ def load_handles(path: PathLike, vertex_count: int) -> HandleFile:
     Raises:
         InputError: a key or value is missing or wrong; the message names frame and handle.
     """
-    file = Path(path)
-    data = read_json(file)
+    data = read_value(path)
     if ("handles" in data) == ("frames" in data):
         raise InputError(
-            f"{file}: has keys {sorted(data)}, expected either 'handles' or 'frames'; give one"
+            f"{path}: has keys {shortened(sorted(data.value))}, expected either 'handles' or "
+            "'frames'; give one"
         )
     is_sequence = "frames" in data
-    frames = data["frames"] if is_sequence else [data["handles"]]
-    if not isinstance(frames, list) or not frames:
-        raise InputError(f"{file}: 'frames' is {_brief(frames)}, expected a list of frames")
-    return HandleFile(
-        tuple(
-            _frame(handles, f"{file}, frame {i}" if is_sequence else str(file), vertex_count)
-            for i, handles in enumerate(frames)
-        ),
-        is_sequence,
-    )
+    frames = data["frames"].items() if is_sequence else [data["handles"]]
+    if not frames:
+        raise data["frames"].error("a list of frames")
+    return HandleFile(tuple(_frame(handles, vertex_count) for handles in frames), is_sequence)
 
 
-def _frame(handles: Any, label: str, vertex_count: int) -> tuple[HandleTarget, ...]:
-    if not isinstance(handles, list) or not handles:
-        raise InputError(
-            f"{label}: found {_brief(handles)}, expected a list of at least one handle; add one"
-        )
-    frame = tuple(_handle(h, f"{label}, handle {i}", vertex_count) for i, h in enumerate(handles))
-    seen: dict[int, int] = {}
-    for i, handle in enumerate(frame):
-        if handle.vertex in seen:
+def _frame(handles: JsonValue, vertex_count: int) -> tuple[HandleTarget, ...]:
+    entries = handles.items()
+    if not entries:
+        raise handles.error("a list of at least one handle", "add one")
+    frame: dict[int, HandleTarget] = {}
+    for entry in entries:
+        handle = _handle(entry, vertex_count)
+        if handle.vertex in frame:
             raise InputError(
-                f"{label}, handle {i}: vertex {handle.vertex} is already held by handle "
-                f"{seen[handle.vertex]}, expected each vertex once; remove one"
+                f"{entry}: vertex {handle.vertex} already has handle "
+                f"{list(frame).index(handle.vertex)}, expected each vertex once; remove one"
             )
-        seen[handle.vertex] = i
-    return frame
+        frame[handle.vertex] = handle
+    return tuple(frame.values())
 
 
-def _handle(handle: Any, label: str, vertex_count: int) -> HandleTarget:
-    if not isinstance(handle, dict) or not {"vertex", "position"} <= set(handle):
-        raise InputError(
-            f'{label}: found {_brief(handle)}, expected {{"vertex": …, "position": [x, y, z]}}; '
-            "complete it"
-        )
-    unknown = sorted(set(handle) - {"vertex", "position", "weight"})
-    if unknown:
-        raise InputError(
-            f"{label}: unknown key {unknown[0]!r}, expected vertex, position, weight; rename or "
-            "remove it"
-        )
-    vertex, position, weight = handle["vertex"], handle["position"], handle.get("weight", 1.0)
-    if not _is_integer(vertex) or not 0 <= vertex < vertex_count:
-        raise InputError(
-            f"{label}: vertex {_brief(vertex)}, expected an integer of 0…{vertex_count - 1}; "
-            "choose a vertex of the mesh"
-        )
-    if (
-        not isinstance(position, list)
-        or len(position) != 3
-        or not all(_is_number(x) for x in position)
-    ):
-        raise InputError(
-            f"{label}: position {_brief(position)}, expected three finite numbers; correct it"
-        )
-    if not _is_number(weight) or weight <= 0:
-        raise InputError(
-            f"{label}: weight {_brief(weight)}, expected a finite number above 0; correct it"
-        )
-    x, y, z = (float(value) for value in position)
-    return HandleTarget(vertex, (x, y, z), float(weight))
-
-
-def _is_number(value: Any) -> bool:
-    """True if a JSON value is a number that fits a finite float."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return False
-    return abs(value) <= sys.float_info.max
-
-
-def _brief(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "…"
+def _handle(handle: JsonValue, vertex_count: int) -> HandleTarget:
+    handle.check_keys(("vertex", "position"), ("weight",))
+    x, y, z = handle["position"].numbers(3)
+    weight = handle["weight"].number(above=0, most=LARGEST) if "weight" in handle else 1.0
+    return HandleTarget(handle["vertex"].integer(0, vertex_count - 1), (x, y, z), weight)

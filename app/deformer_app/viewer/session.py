@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 import deformer
 from deformer import InputError, io
-from deformer_app.viewer.edit import BODIES, KINDS, Body, Edit, Handle, Kind, Solution, point
+from deformer_app.viewer.edit import BODIES, KINDS, Edit, Handle, Point, Solution, point
 
 FORMAT = 1
 
@@ -218,43 +218,20 @@ class Session:
         Raises:
             InputError: no session, of another format, or damaged; the message names the file.
         """
-        data = io.read_json(path)
-        if data.get("deformer_session") != FORMAT:
-            raise InputError(
-                f"{path}: not a session of this release (deformer_session is "
-                f"{data.get('deformer_session')!r}, expected {FORMAT}); save it again there"
+        data = io.read_value(path)
+        if data["deformer_session"].integer() != FORMAT:
+            raise data["deformer_session"].error(
+                f"{FORMAT}", "the session is of another release: save it again there"
             )
-        try:
-            return cls._from_json(data)
-        except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-            raise InputError(f"{path}: damaged session ({error!r}); restore the file") from error
-
-    @classmethod
-    def _from_json(cls, data: dict[str, Any]) -> Session:
-        handles = [_handle(item) for item in data["handles"]]
-        bases = [tuple(map(float, code)) for code in data["bases"]]
-        entries = []
-        for item in data["entries"]:
-            edit = Edit(
-                bases[item["base"]],
-                tuple(handles[n] for n in item["handles"]),
-                float(item["noise"]),
-                cast(Body, _one_of(BODIES, item["body"])),
-            )
-            solution = None
-            if item["solution"] is not None:
-                parts = item["solution"]
-                solution = Solution(
-                    tuple(map(float, parts["z"])),
-                    point(parts["rotation"]),
-                    point(parts["translation"]),
-                )
-            entries.append(Entry(str(item["label"]), edit, solution))
-        cursor = int(data["cursor"])
-        if not 0 <= cursor < len(entries):
-            raise ValueError(f"cursor {cursor} of {len(entries)} entries")
-        model = ModelName(str(data["model"]["path"]), str(data["model"]["fingerprint"]))
-        return cls(model, entries, cursor, dict(data["view"]))
+        handles = [_handle(item) for item in data["handles"].items()]
+        bases = [_numbers(code) for code in data["bases"].items()]
+        entries = [_entry(item, handles, bases) for item in data["entries"].items()]
+        if not entries:
+            raise data["entries"].error("a list of at least one entry")
+        model = ModelName(data["model"]["path"].text(), data["model"]["fingerprint"].text())
+        cursor = data["cursor"].integer(0, len(entries) - 1)
+        view = {key: value.value for key, value in data["view"].entries()}
+        return cls(model, entries, cursor, view)
 
     def check_fits(self, model: deformer.DeformationModel, where: str | Path) -> None:
         """Raise InputError unless the session belongs to this model."""
@@ -264,28 +241,55 @@ class Session:
                 "open that one"
             )
         K, V = model.components, len(model.reference.vertices)
-        for entry in self.entries:
+        for n, entry in enumerate(self.entries):
             codes = [entry.edit.base, *([entry.solution.z] if entry.solution else [])]
-            used = [v for h in entry.edit.handles for v in (*h.vertices, *h.patch)]
-            if any(len(code) != K for code in codes) or any(not 0 <= v < V for v in used):
-                raise InputError(f"{where}: damaged session (entry {entry.label!r}); restore it")
+            for code in codes:
+                if len(code) != K:
+                    raise InputError(
+                        f"{where}: entries[{n}]: a code of {len(code)} numbers, expected the "
+                        f"model's {K}; restore the file"
+                    )
+            for handle in entry.edit.handles:
+                highest = max((*handle.vertices, *handle.patch))
+                if highest >= V:
+                    raise InputError(
+                        f"{where}: entries[{n}]: handle {handle.id} has vertex {highest}, expected "
+                        f"0…{V - 1}; restore the file"
+                    )
 
 
-def _handle(item: dict[str, Any]) -> Handle:
-    handle = Handle(
-        int(item["id"]),
-        tuple(map(int, item["vertices"])),
-        tuple(point(target) for target in item["targets"]),
-        cast(Kind, _one_of(KINDS, item["kind"])),
-        float(item["weight"]),
-        tuple(map(int, item["patch"])),
+def _handle(item: io.JsonValue) -> Handle:
+    vertices = item["vertices"].integers(least=0)
+    if not vertices:
+        raise item["vertices"].error("a list of at least one vertex")
+    return Handle(
+        item["id"].integer(least=0),
+        tuple(vertices),
+        tuple(point(target.numbers(3)) for target in item["targets"].items(len(vertices))),
+        item["kind"].choice(KINDS),
+        item["weight"].number(above=0, most=io.LARGEST),
+        tuple(item["patch"].integers(least=0)),
     )
-    if not handle.vertices or len(handle.vertices) != len(handle.targets):
-        raise ValueError(f"handle {handle.id} has not a target for each vertex")
-    return handle
 
 
-def _one_of(choices: tuple[str, ...], value: Any) -> str:
-    if value not in choices:
-        raise ValueError(f"{value!r} is none of {choices}")
-    return value
+def _entry(item: io.JsonValue, handles: list[Handle], bases: list[tuple[float, ...]]) -> Entry:
+    edit = Edit(
+        bases[item["base"].integer(0, len(bases) - 1)],
+        tuple(handles[n] for n in item["handles"].integers(0, len(handles) - 1)),
+        item["noise"].number(above=0, most=io.LARGEST),
+        item["body"].choice(BODIES),
+    )
+    found = item["solution"]
+    solution = None
+    if found.value is not None:
+        parts = _point(found["rotation"]), _point(found["translation"])
+        solution = Solution(_numbers(found["z"]), *parts)
+    return Entry(item["label"].text(), edit, solution)
+
+
+def _numbers(value: io.JsonValue, length: int | None = None) -> tuple[float, ...]:
+    return value.numbers(length, largest=io.LARGEST)
+
+
+def _point(value: io.JsonValue) -> Point:
+    return point(_numbers(value, 3))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import deformer
-from deformer import DeformationModel, InputError, Mesh
+from deformer import DeformationModel, Mesh, io
 from deformer_app.rendering.camera import Camera, aim, upright_axes
 from deformer_app.rendering.palette import DARK, KINDS, LIGHT, SELECTED
 from deformer_app.viewer.changes import (
@@ -21,7 +21,7 @@ from deformer_app.viewer.changes import (
     HoverChanged,
     LookChanged,
 )
-from deformer_app.viewer.colouring import Paint
+from deformer_app.viewer.colouring import COLOURINGS, Paint
 from deformer_app.viewer.edit import Handle, point
 from deformer_app.viewer.events import Pixel
 from deformer_app.viewer.gizmo import Gizmo, Mode
@@ -319,17 +319,21 @@ class ViewState:
         """
         assert self._reference is not None, "no model is shown"
         message = ""
-        try:
-            if camera := data.get("camera"):
-                position, focal, up = (point(camera[n]) for n in ("position", "focal", "up"))
-                self._camera = Camera(position, focal, up, float(camera["view_angle"]))
-            look = Look(**data.get("look", {}))
-            if target := data.get("target"):
-                self.target, message = Target.restore(
-                    str(target["path"]), str(target["sha256"]), self._reference
-                )
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise InputError(f"session: damaged view ({error}); remove 'view' from it") from error
+        view = io.JsonValue(data, "session", "view")
+        if data.get("camera"):
+            camera = view["camera"]
+            position, focal, up = (
+                point(camera[name].numbers(3)) for name in ("position", "focal", "up")
+            )
+            self._camera = Camera(
+                position, focal, up, camera["view_angle"].number(above=0, most=179)
+            )
+        look = _look(view["look"]) if "look" in data else Look()
+        if data.get("target"):
+            target = view["target"]
+            self.target, message = Target.restore(
+                target["path"].text(), target["sha256"].text(), self._reference
+            )
         if self.target_mesh is None:
             ghost = "none" if look.ghost == "target" else look.ghost
             colour = "plain" if look.colour == "error" else look.colour
@@ -337,3 +341,18 @@ class ViewState:
         self.change_look(**asdict(look))
         self.set_camera(self._camera)
         return [message] if message else []
+
+
+def _look(value: io.JsonValue) -> Look:
+    flags = ("wireframe", "smooth", "dark")
+    value.check_keys((), ("colour", "ghost", *flags))
+    found: dict[str, Any] = {name: value[name].flag() for name in flags if name in value}
+    if "ghost" in value:
+        found["ghost"] = value["ghost"].choice(("none", "reference", "target"))
+    if "colour" in value:
+        name, _, number = value["colour"].text().partition(":")
+        known = name in COLOURINGS and (not number or (name == "component" and number.isdecimal()))
+        if not known:
+            raise value["colour"].error(f"one of {', '.join(COLOURINGS)}")
+        found["colour"] = value["colour"].value
+    return Look(**found)

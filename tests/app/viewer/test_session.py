@@ -198,6 +198,77 @@ def test_damaged_files_are_refused_in_one_line(tmp_path, change):
     assert "\n" not in str(error.value)
 
 
+def places(value, path=()):
+    """Paths to all values of a JSON value."""
+    yield path
+    if isinstance(value, dict | list):
+        for key in value if isinstance(value, dict) else range(len(value)):
+            yield from places(value[key], (*path, key))
+
+
+def test_no_number_of_a_session_may_be_damaged(tmp_path):
+    """Every number in turn; texts stay free, and what the view holds is checked by the window."""
+    work = session()
+    region = Handle(3, (1, 2), ((0.1, 0.0, 0.0), (0.0, 1e-9, 0.0)), patch=(1, 2, 5))
+    work.do("Place", work.edit.with_handles([handle(1), region]))
+    work.solved(work.edit, ANSWER)
+    path = tmp_path / "a.json"
+    work.save(path)
+    text = path.read_text()
+    numbers = 0
+    for place in places(json.loads(text)):
+        data = json.loads(text)
+        parent = data
+        for key in place[:-1]:
+            parent = parent[key]
+        if not place or isinstance(parent[place[-1]], str | list | dict) or place[0] == "view":
+            continue
+        numbers += 1
+        for bad in (float("inf"), float("nan"), 10**400, "1", True, [1], {}):
+            parent[place[-1]] = bad
+            path.write_text(json.dumps(data))
+            with pytest.raises(InputError, match=rf"a\.json: .*{place[-1]}"):
+                Session.load(path)
+    assert numbers > 30
+
+
+@pytest.mark.parametrize(
+    ("place", "bad"),
+    [
+        (("cursor",), -1),
+        (("cursor",), 0.0),
+        (("entries", 1, "base"), -1),
+        (("entries", 1, "handles", 0), -1),
+        (("entries", 1, "handles", 0), 1),
+        (("entries", 1, "noise"), 0),
+        (("handles", 0, "vertices", 0), -1),
+        (("handles", 0, "vertices", 0), 1.5),
+        (("handles", 0, "weight"), -1),
+        (("handles", 0, "id"), 1.0),
+        (("handles", 0, "kind"), ["soft"]),
+        (("bases", 0, 0), 1e300),
+        (("entries", 0, "label"), 3),
+        (("model", "path"), None),
+        (("view",), []),
+    ],
+)
+def test_values_out_of_range_are_named(tmp_path, place, bad):
+    work = session()
+    work.do("Place", work.edit.with_handles([handle(1)]))
+    path = tmp_path / "a.json"
+    work.save(path)
+    data = json.loads(path.read_text())
+    parent = data
+    for key in place[:-1]:
+        parent = parent[key]
+    parent[place[-1]] = bad
+    path.write_text(json.dumps(data))
+    with pytest.raises(InputError) as caught:
+        Session.load(path)
+    named = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in place)[1:]
+    assert f"a.json: {named}: expected" in str(caught.value)
+
+
 def test_what_is_no_session_at_all(tmp_path):
     for name, text in (("a.json", "{"), ("b.json", '{"handles": []}')):
         (tmp_path / name).write_text(text)

@@ -1,0 +1,228 @@
+"""JSON values with the place where they were found, so that a message names file and path.
+
+`read_value` parses a file; the methods of `JsonValue` check what they return.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+from deformer.checks import (
+    LARGEST as LARGEST,
+    checked_choice,
+    checked_flag,
+    checked_integer,
+    checked_number,
+    checked_text,
+    is_unicode,
+    shortened,
+)
+from deformer.errors import InputError
+from deformer.io.atomic import PathLike, read_bytes
+
+# Objects and lists inside one another: more are no file of this program, and exhaust the stack.
+_DEEPEST = 100
+# Larger integers are not exact in every reader of JSON.
+_LARGEST_INTEGER = 2**53
+_REMEDY = "correct or restore the file"
+
+T = TypeVar("T")
+
+
+class JsonValue:
+    """A JSON value, and where it was found.
+
+    Args:
+        value: what `json` has parsed.
+        parent: the value that contains it; at the top the file, or a text that names the source.
+        key: its key or index in the parent.
+
+    Every method raises InputError, with the file and the path inside it, for any other value.
+    """
+
+    __slots__ = ("_key", "_parent", "value")
+
+    def __init__(
+        self, value: Any, parent: JsonValue | PathLike, key: str | int | None = None
+    ) -> None:
+        """Keep the place; it becomes a text only in a message."""
+        self.value = value
+        self._parent = parent
+        self._key = key
+
+    def __str__(self) -> str:
+        """File and path, such as `s.json: camera.position[1]`; what checks call this value."""
+        parts: list[str] = []
+        place: JsonValue | PathLike = self
+        while isinstance(place, JsonValue):
+            if isinstance(place._key, int):
+                parts.append(f"[{place._key}]")
+            elif place._key is not None:
+                key = place._key
+                parts.append(f".{key if key.isidentifier() else shortened(key)}")
+            place = place._parent
+        path = "".join(reversed(parts)).removeprefix(".")
+        return f"{place}: {path}" if path else str(place)
+
+    def error(self, expected: str, remedy: str = _REMEDY) -> InputError:
+        """The error that this value is not what was expected."""
+        return InputError(f"{self}: expected {expected}, got {shortened(self.value)}; {remedy}")
+
+    def check_keys(self, required: Iterable[str], optional: Iterable[str] = ()) -> None:
+        """Check that this is an object with all of the required keys and none but the optional."""
+        required, optional = list(required), list(optional)
+        if not isinstance(self.value, dict):
+            raise self.error(f"an object with {', '.join(required)}")
+        for key in required:
+            if key not in self.value:
+                raise InputError(f"{self}: no {key!r}; complete or restore the file")
+        for key in self.value:
+            if key not in required and key not in optional:
+                raise InputError(
+                    f"{self}: unknown key {shortened(key)}, expected "
+                    f"{', '.join([*required, *optional])}; rename or remove it"
+                )
+
+    def __contains__(self, key: str) -> bool:
+        """True if this is an object with that key."""
+        return isinstance(self.value, dict) and key in self.value
+
+    def __getitem__(self, key: str) -> JsonValue:
+        """The value of a key of an object."""
+        if not isinstance(self.value, dict):
+            raise self.error(f"an object with {key!r}")
+        if key not in self.value:
+            raise InputError(f"{self}: no {key!r}; complete or restore the file")
+        return JsonValue(self.value[key], self, key)
+
+    def entries(self) -> list[tuple[str, JsonValue]]:
+        """Keys and values of an object."""
+        if not isinstance(self.value, dict):
+            raise self.error("an object {…}")
+        return [(key, JsonValue(value, self, key)) for key, value in self.value.items()]
+
+    def items(self, length: int | None = None) -> list[JsonValue]:
+        """Entries of a list, of a length if one is given."""
+        if not isinstance(self.value, list) or length not in (None, len(self.value)):
+            raise self.error("a list" if length is None else f"a list of {length}")
+        return [JsonValue(value, self, n) for n, value in enumerate(self.value)]
+
+    def number(self, **bounds: float) -> float:
+        """A finite number; `bounds` as in `checked_number`."""
+        return checked_number(self.value, self, remedy=_REMEDY, **bounds)
+
+    def numbers(self, length: int | None = None, **bounds: float) -> tuple[float, ...]:
+        """A list of finite numbers."""
+        return tuple(entry.number(**bounds) for entry in self.items(length))
+
+    def integer(self, least: int | None = None, most: int = _LARGEST_INTEGER) -> int:
+        """A whole number."""
+        return checked_integer(self.value, self, least=least, most=most, remedy=_REMEDY)
+
+    def integers(self, least: int | None = None, most: int = _LARGEST_INTEGER) -> list[int]:
+        """A list of whole numbers."""
+        return [entry.integer(least, most) for entry in self.items()]
+
+    def flag(self) -> bool:
+        """True or false."""
+        return checked_flag(self.value, self, remedy=_REMEDY)
+
+    def text(self) -> str:
+        """A text."""
+        return checked_text(self.value, self, remedy=_REMEDY)
+
+    def choice(self, choices: Sequence[T]) -> T:
+        """One of some texts."""
+        return checked_choice(self.value, self, choices, remedy=_REMEDY)
+
+
+def read_value(path: PathLike) -> JsonValue:
+    """Read a JSON file that contains an object.
+
+    Args:
+        path: the file.
+
+    Raises:
+        InputError: the file is missing, not JSON, contains something else, or a number or text
+            that JSON cannot represent.
+    """
+    path = Path(path)
+    return parse_value(read_bytes(path), path)
+
+
+def parse_value(content: str | bytes, source: PathLike) -> JsonValue:
+    """The object in a JSON text.
+
+    Args:
+        content: the text.
+        source: where it comes from, for messages.
+
+    Raises:
+        InputError: as `read_value`.
+    """
+    try:
+        data = json.loads(content, object_pairs_hook=_object)
+    except json.JSONDecodeError as error:
+        raise InputError(
+            f"{source}, line {error.lineno}: not JSON ({error.msg}); correct the line"
+        ) from error
+    except (ValueError, RecursionError, MemoryError) as error:
+        reason = str(error).split(";")[0] or "more than memory holds"
+        raise InputError(f"{source}: not JSON ({reason}); write the file again") from error
+    if not isinstance(data, dict):
+        raise InputError(
+            f"{source}: a JSON {type(data).__name__}, expected an object {{…}}; wrap it"
+        )
+    root = JsonValue(data, source)
+    _refuse_unwritable(root)
+    return root
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object, whose keys must differ: readers disagree on which of two counts."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in found if keys.count(key) > 1)
+        raise ValueError(f"key {shortened(twice)} is given twice")
+    return found
+
+
+def _refuse_unwritable(root: JsonValue) -> None:
+    """Raise InputError for numbers and texts that JSON cannot represent, and for deep nesting."""
+    path = _unwritable(root.value, 1)
+    if path is None:
+        return
+    place = root
+    for key in path:
+        place = JsonValue(place.value[key], place, key)
+    if isinstance(place.value, float):
+        raise place.error("a finite number")
+    if isinstance(place.value, str):
+        raise place.error("a text")
+    if len(path) == _DEEPEST:
+        raise InputError(f"{root}: nested more than {_DEEPEST} deep; write the file again")
+    raise place.error("keys that are texts")
+
+
+def _unwritable(value: Any, depth: int) -> tuple[str | int, ...] | None:
+    """Keys that lead to the first such value inside an object or a list; None if there is none."""
+    is_object = type(value) is dict
+    if is_object and not all(map(is_unicode, value)):
+        return ()
+    for n, child in enumerate(value.values() if is_object else value):
+        kind = type(child)
+        found = None
+        if kind is float:
+            found = None if math.isfinite(child) else ()
+        elif kind is str:
+            found = None if is_unicode(child) else ()
+        elif (kind is dict or kind is list) and child:
+            found = () if depth == _DEEPEST else _unwritable(child, depth + 1)
+        if found is not None:
+            return (list(value)[n] if is_object else n, *found)
+    return None
