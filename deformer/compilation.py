@@ -1,13 +1,14 @@
-"""Compilation of kernels side by side, once a machine.
+"""Compilation of kernels: kept in files, and side by side once a machine.
 
 Numba compiles a kernel when it is first called, one after the other, and keeps the machine code in
-a file. `compile_kernels` fills these files on all cores at once, in processes of its own (numba
-holds the interpreter's lock while it compiles), for kernels that say which types they are called
-with.
+a file (`njit`). `compile_kernels` fills these files on all cores at once, in processes of its own
+(numba holds the interpreter's lock while it compiles), for kernels that say which types they are
+called with.
 """
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import importlib
 import logging
@@ -16,17 +17,44 @@ import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar, cast
 
 import llvmlite.binding
 import numba
 from numba.core.dispatcher import Dispatcher
 from numba.core.sigutils import normalize_signature
 
-Kernel = TypeVar("Kernel")
+Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 _log = logging.getLogger("deformer")
 _declared: dict[str, list[tuple[Dispatcher, str]]] = {}  # by module
+
+
+def njit(**options: Any) -> Callable[[Kernel], Kernel]:
+    """Numba's decorator, with machine code kept in a file where one can be written.
+
+    Args:
+        options: numba's own, without `cache`.
+    """
+
+    def decorate(function: Kernel) -> Kernel:
+        try:
+            return cast(Kernel, numba.njit(cache=True, **options)(function))
+        except RuntimeError as error:  # neither the package's folder nor the user's is writable
+            if "cannot cache" not in str(error):
+                raise
+        _tell_of_no_cache()
+        return cast(Kernel, numba.njit(**options)(function))
+
+    return decorate
+
+
+@functools.cache
+def _tell_of_no_cache() -> None:
+    _log.warning(
+        "no folder for compiled kernels can be written: each run compiles them again, which takes "
+        "some ten seconds; set NUMBA_CACHE_DIR to a folder that can be written"
+    )
 
 
 def called_with(signature: str) -> Callable[[Kernel], Kernel]:
@@ -108,8 +136,8 @@ def _kernels(modules: Sequence[str]) -> list[tuple[Dispatcher, str]]:
 
 
 def _stamp(modules: Sequence[str], kernels: Sequence[tuple[Dispatcher, str]]) -> Path | None:
-    """File that says that the kernels are compiled, beside them; None if none is to be compiled."""
-    if not kernels:
+    """File that says that the kernels are compiled, beside them; None if none can be kept."""
+    if not kernels or kernels[0][0].stats.cache_path is None:
         return None
     state = [numba.__version__, sys.version, llvmlite.binding.get_host_cpu_name()]
     state += [os.environ.get(name, "") for name in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")]

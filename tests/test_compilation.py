@@ -102,3 +102,29 @@ def test_an_interpreter_within_another_program_is_not_started(monkeypatch, caplo
     caplog.set_level(logging.INFO, logger="deformer")
     compilation.compile_kernels(["deformer.linalg.sparse_cholesky"], 2)
     assert not started and not caplog.messages
+
+
+NO_CACHE = """
+    from numba.core import caching
+    def read_only(self):
+        raise OSError(30, "Read-only file system")
+    caching._CacheLocator.ensure_cache_path = read_only
+"""
+
+
+@pytest.mark.slow
+def test_where_no_cache_can_be_written_kernels_work_and_one_line_says_so():
+    code = (
+        NO_CACHE
+        + """
+    import logging, sys
+    logging.basicConfig(level=logging.INFO, format="%(message)s", stream=sys.stdout)
+    import deformer
+    solver = deformer.HandleSolver(deformer.load_model("humanoid"))
+    solver.set_handles([17], [[0.0, 1.0, 0.0]], hard=True)
+    print(solver.solve().residual.max() < 1e-9)
+    """
+    )
+    told, met = run(code).splitlines()
+    assert "no folder for compiled kernels" in told and "NUMBA_CACHE_DIR" in told
+    assert met == "True"

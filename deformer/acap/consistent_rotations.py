@@ -20,8 +20,8 @@ import heapq
 import math
 
 import numpy as np
-from numba import njit
 
+from deformer.compilation import njit
 from deformer.geometry import FloatArray, IntArray, log_, rotation_to_log
 
 # Neighbours whose logarithms differ by more than this (radians) are not continuous.
@@ -37,7 +37,7 @@ _TURN = 2.0 * math.pi
 # in place. Angles are radians.
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _nearest_log_(principal, target, out):
     """Out = the logarithm of the same rotation as `principal` that is nearest to `target`."""
     theta = math.sqrt(principal[0] ** 2 + principal[1] ** 2 + principal[2] ** 2)
@@ -56,12 +56,12 @@ def _nearest_log_(principal, target, out):
         out[d] = target[d] * (turns / length) if length > 0.0 else 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _distance2_(a, b):
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _relative_(Ri, Rj, D, w):
     """Rotation vector w from vertex i to vertex j in the fixed frame: Rj = exp(w) Ri."""
     for a in range(3):
@@ -70,7 +70,7 @@ def _relative_(Ri, Rj, D, w):
     log_(D, w)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _largest_jump_(r, indptr, rings):
     worst = 0.0
     for i in range(len(r)):
@@ -79,7 +79,7 @@ def _largest_jump_(r, indptr, rings):
     return math.sqrt(worst)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _near_whole_turn_(principal, r):
     """True where R is close to the identity but its logarithm is not: the axis is uncertain."""
     return (
@@ -88,7 +88,7 @@ def _near_whole_turn_(principal, r):
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _continue_(R, indptr, rings, known, r, i, D, w, guess):
     """Guess = logarithm at i continued from the known neighbours: their mean, rotated further.
 
@@ -116,7 +116,7 @@ def _continue_(R, indptr, rings, known, r, i, D, w, guess):
         guess[d] = guess[d] / count * (1.0 + (along / length if length > 0.0 else 0.0))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _grow_(R, principal, indptr, rings, roots, r, bridged):
     """Prim's tree over rotation differences; r of a new vertex continues r of its parent."""
     D = np.empty((3, 3))
@@ -147,7 +147,7 @@ def _grow_(R, principal, indptr, rings, roots, r, bridged):
                     heapq.heappush(heap, (w[0] ** 2 + w[1] ** 2 + w[2] ** 2, n))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _ring_mean_(indptr, rings, r, i, mean):
     count = indptr[i + 1] - indptr[i]
     for d in range(3):
@@ -157,7 +157,7 @@ def _ring_mean_(indptr, rings, r, i, mean):
         mean[d] = total / count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _refine_(principal, indptr, rings, bridged, r, sweeps):
     """Coordinate descent on Σ_edges ‖r_i − r_j‖² over the turns of one vertex at a time."""
     mean = np.empty(3)
@@ -176,7 +176,7 @@ def _refine_(principal, indptr, rings, bridged, r, sweeps):
             break
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _interpolate_(R, indptr, rings, bridged, r, sweeps):
     """Continue all neighbours at each bridged vertex (symmetric Gauss–Seidel sweeps)."""
     D = np.empty((3, 3))
@@ -195,7 +195,7 @@ def _interpolate_(R, indptr, rings, bridged, r, sweeps):
             break
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _restore_exact_(principal, bridged, r):
     """Give bridged vertices their exact logarithm again if it is close to the interpolation."""
     exact = np.empty(3)
@@ -207,7 +207,7 @@ def _restore_exact_(principal, bridged, r):
                 bridged[i] = False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _bridge_jumps_(indptr, rings, bridged, r):
     """Bridge vertices beyond 3/4 turn with a discontinuous edge; true if there were any."""
     found = False

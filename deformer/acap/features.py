@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 from scipy import sparse
 
 from deformer.acap.consistent_rotations import continuous_logs
+from deformer.compilation import njit
 from deformer.errors import InputError
 from deformer.geometry import (
     FloatArray,
@@ -46,7 +46,7 @@ _NORMAL_WEIGHT = 0.05
 _TOLERANCE = 1e-10
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _vertex_normals(p, faces, out):
     """Area-weighted unit normals; zero if the normals of a vertex's faces cancel."""
     for i in range(len(p)):
@@ -81,7 +81,7 @@ def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
     return normals
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _gradients(v, p, indptr, rings, c, normals, new_normals, inverse, ridge, weight, T):
     """T_i = argmin Σ_j c_ij ‖(p_i − p_j) − T (v_i − v_j)‖² (Tan et al. 2018, section 3).
 
@@ -118,7 +118,7 @@ def _gradients(v, p, indptr, rings, c, normals, new_normals, inverse, ridge, wei
                 )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _stretches(T, R, s):
     """Upper triangle of the symmetric part of Rᵀ T."""
     for i in range(len(T)):
@@ -132,7 +132,7 @@ def _stretches(T, R, s):
                 n += 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def gradient_(q, R, T):
     """T (3, 3) = exp(r) S and R (3, 3) = exp(r) of a feature q (9,) = (r, S).
 
@@ -146,7 +146,7 @@ def gradient_(q, R, T):
         T[a, 2] = x * q[5] + y * q[7] + z * q[8]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _to_gradients(start, stop, q, T):
     R = np.empty((3, 3))
     for i in range(start, stop):

@@ -10,11 +10,10 @@ and no linear solve.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from deformer.acap.features import features_to_gradients
-from deformer.compilation import called_with
+from deformer.compilation import called_with, njit
 from deformer.geometry import FloatArray, exp_, right_jacobian_
 from deformer.linalg import over_ranges, scratch
 
@@ -24,7 +23,7 @@ _VERTEX_BATCH = 8192
 _ENTRY = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def gradient_derivative_(q, R, J, D):
     """D (9, 3, 3) = ∂T/∂q_m of T = exp(r) S at a feature q (9,) = (r, S); R and J (3, 3) are spare.
 
@@ -47,7 +46,7 @@ def gradient_derivative_(q, R, J, D):
                 D[3 + _ENTRY[d, b], a, b] = R[a, d]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _sensitivities(q, coefficients, g):
     """g[3h + d, 9i + m] = ∂p_h,d / ∂q_i,m."""
     R, J, D = np.empty((3, 3)), np.empty((3, 3)), np.empty((9, 3, 3))
@@ -61,7 +60,7 @@ def _sensitivities(q, coefficients, g):
 
 
 @called_with("void(i8, i8, f8[:, ::1], f8[:, ::1], f4[:, :, ::1], f4[:, ::1])")
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def _decoder_tangents(start, stop, q, slope, matrix, out):
     """out[3 i + b, a K + k] = ∂T_i,ab / ∂z_k."""
     R, J, D = np.empty((3, 3)), np.empty((3, 3)), np.empty((9, 3, 3))
@@ -85,7 +84,7 @@ def _decoder_tangents(start, stop, q, slope, matrix, out):
                     row[k] += c0 * M5[k] + c1 * M6[k] + c2 * M7[k] + c3 * M8[k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _tangents(q, dq, dT):
     """dT[k, i] = Σ_m ∂T_i/∂q_i,m dq[k, i, m]."""
     R, J, D = np.empty((3, 3)), np.empty((3, 3)), np.empty((9, 3, 3))

@@ -11,9 +11,9 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from scipy import sparse
 
+from deformer.compilation import njit
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, Mesh
 from deformer.linalg import Damping, Dissection, SparseCholesky, descend
@@ -34,7 +34,7 @@ SHORTENINGS = 3
 DAMPING = Damping(up=64.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _normals(p, hinge, u, m, n):
     """Edge vector u of a hinge, and its left and right normals m and n, of twice the areas."""
     a, b, c, d = hinge
@@ -47,12 +47,12 @@ def _normals(p, hinge, u, m, n):
         n[k] -= (p[d, j] - p[a, j]) * (p[b, i] - p[a, i])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _dot(x, y):
     return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _measure(p, hinges, length, angle):
     """Length and signed dihedral angle (0 flat, positive convex) of every edge a-b."""
     u, m, n = np.empty(3), np.empty(3), np.empty(3)
@@ -68,7 +68,7 @@ def _measure(p, hinges, length, angle):
             angle[e] = math.atan2(sine / length[e], _dot(m, n))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _differentiate(p, hinges, dlength, dangle):
     """Fill dlength[e] (3,) = ∂length/∂b = −∂length/∂a and dangle[e] (4, 3) = ∂angle/∂(a,b,c,d)."""
     u, m, n = np.empty(3), np.empty(3), np.empty(3)

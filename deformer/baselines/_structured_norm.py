@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from deformer.compilation import njit
 from deformer.geometry import FloatArray, IntArray, Mesh, edges
 from deformer.linalg import over_ranges
 
@@ -95,7 +95,7 @@ def structured_norm(
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _proximal_maps(start, stop, factors, scales, pairs, roots, constants, step, dual, result):
     l1, l2, group, graph = constants
     V, E = factors.shape[1], len(pairs)
@@ -129,7 +129,7 @@ def _proximal_maps(start, stop, factors, scales, pairs, roots, constants, step, 
                 v *= radius / math.sqrt(square)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _proximal_point(x, y, z, l1, group):
     """Proximal map of l1 ‖·‖₁ + group ‖·‖_∞ at three numbers.
 

@@ -9,9 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from deformer.compilation import called_with
+from deformer.compilation import called_with, njit
 from deformer.editing.kernels import (
     BLOCK,
     LAYER,
@@ -46,7 +45,7 @@ _F0, _F1, _F2, _F3 = _F
 _G0, _G1, _G2, _G3 = _G
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def _rotation_tangents(q, R, T, slope, C):
     """C (3, 144): the derivatives [l_m]× T of T = exp(r) S, l_m column m of the left Jacobian.
 
@@ -81,7 +80,7 @@ def _rotation_tangents(q, R, T, slope, C):
             C[2 * MATRICES + ROW6 + b + n] = l02 * t1 - l12 * t0
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def _gradient_tangent(row, slope, R, C, t):
     """t (144,) = change of T under a row (144,) of the decoder's matrix."""
     for n in range(BLOCK):
@@ -100,7 +99,7 @@ def _gradient_tangent(row, slope, R, C, t):
 
 
 @called_with(f"void({LAYER}, f4[::1], f8[::1])")
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def _positions(layer, coefficients, sums):
     """sums (48 H,) = Σ T a over blocks, each vertex of a block for itself; flat coefficients."""
     memory = memory_()
@@ -112,7 +111,7 @@ def _positions(layer, coefficients, sums):
 
 
 @called_with(f"void(i8, i8, {LAYER}, f4[:, :, ::1], f4[:, ::1], f4[:, :, ::1])")
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def _derivative(start, stop, layer, columns, tangents, out):
     """out[k] += ∂/∂z_k of the positions (3, H) by blocks, with coefficients (blocks, 48, H).
 

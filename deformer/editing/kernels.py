@@ -11,9 +11,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from deformer.compilation import called_with
+from deformer.compilation import called_with, njit
 
 # Vertices of a block.
 BLOCK = 16
@@ -48,13 +47,13 @@ _LAYER = "Tuple((i8[::1], {}[::1], f4[::1], {}[:, ::1], f4[::1], f4[::1], f4[::1
 LAYER, STORED_LAYER = _LAYER.format("i8", "f4"), _LAYER.format("i4", "i2")
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def memory_():
     """Scratch memory of a kernel, 32 blocks (32, 144); shared, as each `np.empty` is compiled."""
     return np.empty((32, MATRICES), dtype=np.float32)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def gradients(q, T):
     """T (144,) = exp(r) S of a block's features q (144,).
 
@@ -89,7 +88,7 @@ def gradients(q, T):
 
 
 @called_with("void(i8, i8, i8[::1], f8[:, ::1], f8, f4[:, ::1])")
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def coefficients_by_block(start, stop, order, coefficients, scale, out):
     """Blocks out (·, 48) of coefficients (V, 3) times scale; zeros fill the last block."""
     for B in range(start, stop):
@@ -99,7 +98,7 @@ def coefficients_by_block(start, stop, order, coefficients, scale, out):
                 out[B, BLOCK * d + n] = scale * coefficients[order[i], d] if i < len(order) else 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def add_positions(t, coefficients, offset, sums):
     """sums (48 H,) += T a of a block's gradients t (144,), one sum for each vertex.
 
@@ -114,7 +113,7 @@ def add_positions(t, coefficients, offset, sums):
             sums[g + ROW2 + n] += t[ROW6 + n] * x + t[ROW7 + n] * y + t[ROW8 + n] * z
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def _store_by_vertex(t, B, T):
     """Matrices t (144,) of block B to T, nine numbers a vertex."""
     for n in range(BLOCK):
@@ -124,7 +123,7 @@ def _store_by_vertex(t, B, T):
         T[o + 6], T[o + 7], T[o + 8] = t[ROW6 + n], t[ROW7 + n], t[ROW8 + n]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def gradients_and_positions(start, stop, q, coefficients, T, sums):
     """Gradients T (9 a vertex) of blocks with features q (·, 144), and their handle positions.
 
@@ -157,7 +156,7 @@ def gradients_and_positions(start, stop, q, coefficients, T, sums):
             T[o + 6], T[o + 7], T[o + 8] = t[ROW6 + n], t[ROW7 + n], t[ROW8 + n]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def decode(start, stop, layer, q):
     """Features q (stop − start, 144) of blocks, q[B] = gain tanh(Σ_k z_k matrix_k + base) + offset.
 
@@ -184,7 +183,7 @@ def decode(start, stop, layer, q):
 
 
 @called_with(f"void(i8, i8, {STORED_LAYER}, f4[::1], f4[::1], f8[::1])")
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def decode_to_positions(start, stop, layer, coefficients, T, sums):
     """`decode`, then `gradients_and_positions`, of 32 blocks at a time, which stay in the cache."""
     q = memory_()
@@ -195,7 +194,7 @@ def decode_to_positions(start, stop, layer, coefficients, T, sums):
 
 
 @called_with("void(i8, i8, i8[::1], i4[::1], f4[::1], f4[::1], f4[::1], f4[::1])")
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def rhs(start, stop, indptr, rings, halves, x, T, b):
     """b_i = Σ_j ½ c_ij (T_i + T_j)(x_i − x_j) with halves ½ c_ij; T, x and b are flat.
 
@@ -220,7 +219,7 @@ def rhs(start, stop, indptr, rings, halves, x, T, b):
         b[3 * i + 2] = bz
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def fit_step(A, D):
     """One step of quaternions D (64,) towards the rotations closest to A (144,).
 
@@ -272,7 +271,7 @@ def fit_step(A, D):
         D[n], D[ROW1 + n], D[ROW2 + n], D[ROW3 + n] = scale * e, scale * f, scale * g, scale * h
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def _compose(D, q):
     """Quaternions q (64,) ← D q, after over-relaxation of D (64,).
 
@@ -291,7 +290,7 @@ def _compose(D, q):
         q[n], q[ROW1 + n], q[ROW2 + n], q[ROW3 + n] = scale * e, scale * f, scale * g, scale * h
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def _matrices(D, A):
     """Rotation matrices A (144,) of quaternions D (64,)."""
     for n in range(BLOCK):
@@ -303,7 +302,7 @@ def _matrices(D, A):
         A[ROW5 + n], A[ROW7 + n] = _2 * (c * d - a * b), _2 * (c * d + a * b)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def _times_transposed(B, T, A):
     """A = B Tᵀ, all (144,)."""
     for r in range(0, MATRICES, VECTORS):
@@ -315,7 +314,7 @@ def _times_transposed(B, T, A):
 
 
 @called_with("void(i8, i8, i8[::1], i4[::1], f4[::1], f4[::1], f4[::1], f4[::1], f4[::1], i8)")
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def fit_rotations(start, stop, indptr, rings, halves, x, p, R, turn, steps):
     """Local step of blocks: fit rotations R, and their quaternions `turn`, to the edges of p.
 
@@ -366,7 +365,7 @@ def fit_rotations(start, stop, indptr, rings, halves, x, p, R, turn, steps):
 
 
 @called_with("void(i8, i8, f4[:, ::1], f4[:, ::1], f4[::1], f4[:, ::1])")
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def add_green_functions(start, stop, green, push, shift, x):
     """x_i += Σ_h green_h,i push_h + shift."""
     memory = memory_()
@@ -389,7 +388,7 @@ def add_green_functions(start, stop, green, push, shift, x):
 
 
 @called_with("void(i8, i8, i8[::1], f8[:, ::1], f8[::1], f4[:, ::1], f8[:, ::1])")
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def to_user_order(start, stop, order, Q, origin, x, out):
     """out_order[i] = Q x_i + origin: from the blocks' order (n, 3) to the vertices' (V, 3).
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from deformer.evaluation.journal import Journal, Row, write_csv
 from deformer.evaluation.measurements import failure_rows, run_job
 from deformer.evaluation.plan import Job, Study, make_plan
-from deformer.io import write_json
+from deformer.io import locked, write_json
 
 # Called with the number of finished measurements, of all measurements, and the current job's label.
 Report = Callable[[int, int, str], None]
@@ -38,32 +38,33 @@ def evaluate(
         The rows, in the order of the plan.
 
     Raises:
-        InputError: the folder's journal is not one.
+        InputError: the folder's journal is not one, or another process is writing to the folder.
         KeyboardInterrupt: Ctrl-C; finished measurements are stored.
     """
     plan = make_plan(studies)
     folder.mkdir(parents=True, exist_ok=True)
-    journal = Journal(folder / "journal.jsonl")
-    total = sum(len(job.measurements) for job in plan)
-    pending = [
-        replace(job, measurements=missing)
-        for job in plan
-        if (missing := tuple(m for m in job.measurements if m.key(job.training) not in journal))
-    ]
-    done = total - sum(len(job.measurements) for job in pending)
-    run = _in_this_process if processes == 1 else _in_processes
-    if report is not None:
-        report(done, total, "")
-    for text, key, rows in run(pending, folder, processes):
-        journal.add(key, rows)
-        done += 1
+    with locked(folder):
+        journal = Journal(folder / "journal.jsonl")
+        total = sum(len(job.measurements) for job in plan)
+        pending = [
+            replace(job, measurements=missing)
+            for job in plan
+            if (missing := tuple(m for m in job.measurements if m.key(job.training) not in journal))
+        ]
+        done = total - sum(len(job.measurements) for job in pending)
+        run = _in_this_process if processes == 1 else _in_processes
         if report is not None:
-            report(done, total, text)
-    keys = [measurement.key(job.training) for job in plan for measurement in job.measurements]
-    rows = [row for key in keys for row in journal[key]]
-    write_json(folder / "results.json", rows)
-    write_csv(folder / "results.csv", rows)
-    return rows
+            report(done, total, "")
+        for text, key, rows in run(pending, folder, processes):
+            journal.add(key, rows)
+            done += 1
+            if report is not None:
+                report(done, total, text)
+        keys = [measurement.key(job.training) for job in plan for measurement in job.measurements]
+        rows = [row for key in keys for row in journal[key]]
+        write_json(folder / "results.json", rows)
+        write_csv(folder / "results.csv", rows)
+        return rows
 
 
 _Results = Iterator[tuple[str, str, list[Row]]]

@@ -8,10 +8,9 @@ versions in single precision, which the tests compare with this one.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from scipy import sparse
 
-from deformer.compilation import called_with
+from deformer.compilation import called_with, njit
 from deformer.geometry.mesh import FloatArray, Mesh
 
 # Bounds on the cotangent weight of an edge. Cotangents have no unit: the bounds suit any scale.
@@ -71,7 +70,7 @@ def graph_laplacian(weights: sparse.csr_array) -> sparse.csr_array:
     return sparse.csr_array(sparse.diags_array(degree) - weights)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def rhs_(start, stop, indptr, rings, c, v, T, b):
     """b_i = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j) of gradients T (V, 3, 3), for rows start…stop − 1.
 
@@ -110,7 +109,7 @@ def rhs_(start, stop, indptr, rings, c, v, T, b):
 @called_with(
     "void(i8, i8, i8[::1], i8[::1], f8[::1], Array(f8, 2, 'C', True), f8[::1], f8[:, ::1])"
 )
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def rhs_adjoint_(start, stop, indptr, rings, c, v, green, out):
     """Coefficients a_i = Σ_j ½ c_ij (G_i − G_j)(v_i − v_j) with Σ_i G_i b_i(T) = Σ_i T_i a_i.
 

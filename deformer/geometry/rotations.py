@@ -10,17 +10,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
-from deformer.compilation import called_with
+from deformer.compilation import called_with, njit
 from deformer.geometry.mesh import FloatArray
 
 # Below this angle (radians) series replace the closed forms.
 _SMALL = 1e-3
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def exp_(r, R):
     """R (3,3) = exp([r]×) for r (3,): Rodrigues' formula."""
     x, y, z = r[0], r[1], r[2]
@@ -43,7 +42,7 @@ def exp_(r, R):
     R[2, 2] = 1.0 - b * (x * x + y * y)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def right_jacobian_(r, J):
     """J (3,3) with exp(r + δ) = exp(r) exp(J δ) to first order in δ."""
     x, y, z = r[0], r[1], r[2]
@@ -66,7 +65,7 @@ def right_jacobian_(r, J):
     J[2, 2] = 1.0 - c * (x * x + y * y)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def log_(R, r):
     """r (3,) with exp([r]×) = R (3,3) and ‖r‖ ≤ π, through the quaternion of R (Shepperd)."""
     trace = R[0, 0] + R[1, 1] + R[2, 2]
@@ -99,7 +98,7 @@ def log_(R, r):
     r[2] = scale * z
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _closest_rotation_by_quaternion_(T, R):
     """R maximises tr(Rᵀ T) over rotations, by Horn's method; T may be singular or mirrored."""
     N = np.empty((4, 4))
@@ -164,7 +163,7 @@ def _closest_rotation_by_quaternion_(T, R):
     R[2, 2] = w * w - x * x - y * y + z * z
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def closest_rotation_(T, R):
     """R (3,3) proper rotation closest to T (3,3): the rotation factor of T = R S."""
     norm2 = 0.0
@@ -201,26 +200,26 @@ def closest_rotation_(T, R):
 
 
 @called_with("void(f8[:, ::1], f8[:, :, ::1])")
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _exp_batch(r, R):
     for i in range(len(r)):
         exp_(r[i], R[i])
 
 
 @called_with("void(f8[:, ::1], f8[:, :, ::1])")
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _right_jacobian_batch(r, J):
     for i in range(len(r)):
         right_jacobian_(r[i], J[i])
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _log_batch(R, r):
     for i in range(len(R)):
         log_(R[i], r[i])
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _closest_rotation_batch(T, R):
     for i in range(len(T)):
         closest_rotation_(T[i], R[i])

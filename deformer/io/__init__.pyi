@@ -2,6 +2,7 @@ from .atomic import (
     atomic_directory as atomic_directory,
     atomic_path as atomic_path,
     check_directory as check_directory,
+    check_output_file as check_output_file,
 )
 from .json_files import (
     HandleFile as HandleFile,
@@ -17,8 +18,10 @@ from .json_values import (
     parse_value as parse_value,
     read_value as read_value,
 )
+from .locks import locked as locked
 from .meshes import (
     MESH_SUFFIXES as MESH_SUFFIXES,
+    check_shapes_output as check_shapes_output,
     load_mesh as load_mesh,
     load_shapes as load_shapes,
     save_mesh as save_mesh,

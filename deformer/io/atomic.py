@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import functools
+import hashlib
 import os
+import platform
 import re
 import secrets
 import shutil
@@ -22,7 +25,7 @@ PathLike = str | os.PathLike[str]
 # Arguments of Linux's renameat2: paths are relative to the working directory; exchange the two.
 _HERE, _EXCHANGE = -100, 2
 _LINUX = sys.platform == "linux"
-# Age from which a temporary file whose process is not found is taken to be abandoned.
+# Age from which a temporary file that another system has begun is taken to be abandoned.
 _ABANDONED_SECONDS = 3600.0
 
 
@@ -57,14 +60,29 @@ def read_bytes(path: Path) -> bytes:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
 
 
-def _temporary_name(target: Path) -> Path:
-    """A free name in the directory of `target`; hidden, so that no loader reads it as data."""
+def check_parent(target: Path) -> None:
+    """Raise InputError unless the directory of `target` can be written to."""
     if not target.parent.is_dir():
         raise InputError(f"{target}: directory {target.parent} does not exist; create it first")
     if not os.access(target.parent, os.W_OK):
         raise InputError(f"{target}: directory {target.parent} is not writable; choose another")
-    name = f".{target.stem}-{os.getpid()}-{secrets.token_hex(4)}{target.suffix}"
+
+
+def _temporary_name(target: Path) -> Path:
+    """A free name in the directory of `target`; hidden, so that no loader reads it as data."""
+    check_parent(target)
+    name = f".{target.stem}-{_system()}-{os.getpid()}-{secrets.token_hex(4)}{target.suffix}"
     return target.parent / name
+
+
+@functools.cache
+def _system() -> str:
+    """Six digits that differ where process numbers do not compare: machines, containers, boots."""
+    parts = [platform.node()]
+    with contextlib.suppress(OSError):  # Linux
+        parts.append(Path("/proc/sys/kernel/random/boot_id").read_text())
+        parts.append(str(Path("/proc/self/ns/pid").readlink()))
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:6]
 
 
 def _remove_abandoned(target: Path) -> None:
@@ -72,11 +90,13 @@ def _remove_abandoned(target: Path) -> None:
 
     Called once `target` is written: before, one of them may be the only version.
     """
-    name = re.compile(rf"\.{re.escape(target.stem)}-(\d+)-[\da-f]{{8}}{re.escape(target.suffix)}")
+    name = re.compile(
+        rf"\.{re.escape(target.stem)}-([\da-f]{{6}})-(\d+)-[\da-f]{{8}}{re.escape(target.suffix)}"
+    )
     with contextlib.suppress(OSError):  # what cannot be listed or removed stays
         for path in target.parent.iterdir():
             found = name.fullmatch(path.name)
-            if found is None or not _is_abandoned(path, int(found[1])):
+            if found is None or not _is_abandoned(path, found[1], int(found[2])):
                 continue
             if path.is_dir():
                 shutil.rmtree(path)
@@ -84,18 +104,26 @@ def _remove_abandoned(target: Path) -> None:
                 path.unlink()
 
 
-def _is_abandoned(path: Path, process: int) -> bool:
-    """True if the process that wrote `path` has ended, as far as this machine knows."""
+def _is_abandoned(path: Path, system: str, process: int) -> bool:
+    """True if the process that wrote `path` has ended, as far as this system knows."""
+    if system != _system():
+        return time.time() - path.stat().st_mtime > _ABANDONED_SECONDS
     if os.name == "nt":  # has no harmless way to ask
         return False
     try:
         os.kill(process, 0)
     except ProcessLookupError:
-        # A process of another machine that shares the directory writes for less than this.
-        return time.time() - path.stat().st_mtime > _ABANDONED_SECONDS
+        return True
     except (PermissionError, OverflowError):
         pass
     return False
+
+
+def check_output_file(target: Path) -> None:
+    """Raise the InputError that `atomic_path` would raise, before there is anything to write."""
+    if target.is_dir():
+        raise InputError(f"{target}: is a directory, expected a file name; choose another name")
+    check_parent(target)
 
 
 @contextmanager
@@ -113,8 +141,7 @@ def atomic_path(path: PathLike) -> Iterator[Path]:
         OSError: writing failed; its `filename` is `path`.
     """
     target = Path(path)
-    if target.is_dir():
-        raise InputError(f"{target}: is a directory, expected a file name; choose another name")
+    check_output_file(target)
     temporary = _temporary_name(target)
     try:
         yield temporary

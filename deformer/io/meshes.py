@@ -16,7 +16,14 @@ import numpy as np
 
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, Mesh, MeshSequence
-from deformer.io.atomic import PathLike, atomic_directory, atomic_path, read_bytes
+from deformer.io.atomic import (
+    PathLike,
+    atomic_directory,
+    atomic_path,
+    check_directory,
+    check_output_file,
+    read_bytes,
+)
 from deformer.io.glb import read_glb, write_glb
 from deformer.io.json_files import (
     HandleFile,
@@ -26,6 +33,7 @@ from deformer.io.json_files import (
     read_json,
     write_json,
 )
+from deformer.io.locks import locked
 from deformer.io.npz import read_npz
 from deformer.io.obj import ObjReader, write_obj
 from deformer.io.off import read_off, write_off
@@ -38,6 +46,7 @@ __all__ = [
     "HandleTarget",
     "atomic_directory",
     "atomic_path",
+    "check_shapes_output",
     "load_handles",
     "load_mesh",
     "load_shapes",
@@ -68,6 +77,7 @@ _WRITERS: dict[str, Callable[[FloatArray, IntArray], bytes]] = {
 }
 MESH_SUFFIXES = tuple(_READERS)
 _SUFFIX_LIST = ", ".join(MESH_SUFFIXES)
+_WAIT = 30.0  # seconds for another process that writes the same directory
 _WRITTEN_NAME = re.compile(r"\d{4,}\.(obj|ply|off|stl|glb)")
 
 
@@ -141,23 +151,41 @@ def save_shapes(path: PathLike, shapes: MeshSequence, format: str = "ply") -> No
         InputError: an unknown format, a directory with other contents, or a parent that is
             missing or not writable.
     """
+    check_shapes_output(path)
     target = Path(path)
     if target.suffix.lower() == ".npz":
         write_npz(target, {"vertices": shapes.vertices, "faces": shapes.faces})
         return
-    if target.suffix.lower() in MESH_SUFFIXES:
-        raise InputError(
-            f"{target}: names one mesh file, expected a directory or .npz for {len(shapes)} shapes;"
-            " leave the suffix out"
-        )
     suffix = f".{format.lower().removeprefix('.')}"
     if suffix not in _WRITERS:
         raise InputError(f"{target}: format {format!r}, expected one of {_SUFFIX_LIST}; choose one")
     digits = max(4, len(str(len(shapes) - 1)))
-    with atomic_directory(target, lambda entry: bool(_WRITTEN_NAME.fullmatch(entry.name))) as work:
+    with locked(target, _WAIT), atomic_directory(target, _is_written) as work:
         for i, vertices in enumerate(shapes.vertices):
             content = _WRITERS[suffix](vertices, shapes.faces)
             (work / f"{i:0{digits}d}{suffix}").write_bytes(content)
+
+
+def check_shapes_output(path: PathLike) -> None:
+    """Check, before there are shapes, that `save_shapes` can write them to `path`.
+
+    Raises:
+        InputError: as `save_shapes` would raise.
+    """
+    target = Path(path)
+    if target.suffix.lower() == ".npz":
+        check_output_file(target)
+    elif target.suffix.lower() in MESH_SUFFIXES:
+        raise InputError(
+            f"{target}: names one mesh file, expected a directory or .npz for a sequence; leave "
+            "the suffix out"
+        )
+    else:
+        check_directory(target, _is_written)
+
+
+def _is_written(entry: Path) -> bool:
+    return _WRITTEN_NAME.fullmatch(entry.name) is not None
 
 
 def write_npz(path: PathLike, arrays: Mapping[str, Any]) -> None:

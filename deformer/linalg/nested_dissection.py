@@ -10,10 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from deformer.compilation import called_with
+from deformer.compilation import called_with, njit
 from deformer.geometry import FloatArray, IntArray
 
 # Pieces of at most this many vertices are not cut further: their dense blocks cost about as much as
@@ -25,7 +24,7 @@ _LEAF = 32
 # assignments between arrays would each take longer to compile than all of these loops.
 
 
-@njit(cache=True)
+@njit()
 def _halve(ranked, row, lo, hi, indptr, indices, side):
     """Split ranked[row, lo:hi] at its median into sides 1 and 2; returns their boundary sizes."""
     half = lo + (hi - lo) // 2
@@ -44,7 +43,7 @@ def _halve(ranked, row, lo, hi, indptr, indices, side):
     return first, second
 
 
-@njit(cache=True)
+@njit()
 def _breadth_first(ranked, row, lo, hi, indptr, indices, side, queue):
     """Rank a piece along its edges, from one end to the other, if no plane separates its points."""
     end = ranked[row, lo]
@@ -73,7 +72,7 @@ def _breadth_first(ranked, row, lo, hi, indptr, indices, side, queue):
 
 
 @called_with("i8(i8[::1], i8[::1], i8[:, ::1], i8, i8, i8[:, ::1])")
-@njit(cache=True)
+@njit()
 def _dissect(indptr, indices, ranked, leaf, depth, nodes):
     """Order of elimination and its supernodes; returns their number.
 
@@ -167,7 +166,7 @@ def _dissect(indptr, indices, ranked, leaf, depth, nodes):
 @called_with(
     "i4[::1](i8[::1], i8[::1], i8[::1], i8[::1], i8[::1], i8[::1], i8[::1], i8[:, ::1], i8[::1])"
 )
-@njit(cache=True)
+@njit()
 def _boundaries(indptr, indices, inverse_order, order, starts, owner, visitor, links, bounds):
     """Rows below every supernode, unsorted.
 

@@ -13,7 +13,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.linalg.lapack import (
@@ -21,7 +20,7 @@ from scipy.linalg.lapack import (
     dtrtri,  # pyright: ignore[reportAttributeAccessIssue]
 )
 
-from deformer.compilation import called_with
+from deformer.compilation import called_with, njit
 from deformer.geometry import FloatArray, IntArray
 from deformer.linalg.nested_dissection import Dissection, dissect
 from deformer.linalg.threads import CORES, one_blas_thread, run_calls
@@ -42,7 +41,7 @@ _SMALLEST_PART = 8000
     "void(i8, i8[::1], i8[::1], f8[::1], i8[::1], i8[::1], i8[::1], i8[::1], i4[::1], "
     "i8[::1], f8[:, ::1])"
 )
-@njit(cache=True)
+@njit()
 def _assemble(s, indptr, indices, data, order, inverse_order, starts, bounds, rows, row_of, front):
     """Add A's columns of supernode s to its front (w + m, w + m); `row_of` gets its rows."""
     lo, w = starts[s], starts[s + 1] - starts[s]
@@ -59,7 +58,7 @@ def _assemble(s, indptr, indices, data, order, inverse_order, starts, bounds, ro
 
 
 @called_with("void(i8, i8, i4[::1], i8[::1], f8[:, ::1], f8[:, ::1])")
-@njit(cache=True)
+@njit()
 def _add_update(first, last, rows, row_of, update, front):
     """Add the update (m, m) of a child with the rows first…last − 1 to the front."""
     for a in range(last - first):
@@ -103,7 +102,7 @@ def _factor(A: sparse.csr_array, plan: Dissection) -> tuple[IntArray, FloatArray
 @called_with(
     "void(i8, i8, i8, i8[::1], i8[::1], i4[::1], i8[::1], f8[::1], f8[:, ::1], f8[:, ::1])"
 )
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _forward(first, last, begin, starts, bounds, rows, slices, blocks, x, tail):
     """Eliminate supernodes first…last − 1 from x (n, m); changes of rows ≥ `begin` go to `tail`.
 
@@ -132,7 +131,7 @@ def _forward(first, last, begin, starts, bounds, rows, slices, blocks, x, tail):
 
 
 @called_with("void(i8, i8, i8[::1], i8[::1], i4[::1], i8[::1], f8[::1], f8[:, ::1])")
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def _backward(first, last, starts, bounds, rows, slices, blocks, x):
     """Solve for the rows of supernodes last − 1…first, in place."""
     columns = x.shape[1]
@@ -169,7 +168,7 @@ def _backward(first, last, starts, bounds, rows, slices, blocks, x):
 @called_with(
     "void(i8, i8, i8, i8[::1], i8[::1], i4[::1], i8[::1], f4[::1], f4[:, ::1], f4[:, ::1])"
 )
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def _forward_three(first, last, begin, starts, bounds, rows, slices, blocks, x, tail):
     """`_forward` for three columns in single precision, blocks (w, m) of −B F⁻¹ by column."""
     most = 0
@@ -231,7 +230,7 @@ def _forward_three(first, last, begin, starts, bounds, rows, slices, blocks, x, 
 
 
 @called_with("void(i8, i8, i8[::1], i8[::1], i4[::1], i8[::1], f4[::1], f4[:, ::1])")
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def _backward_three(first, last, starts, bounds, rows, slices, blocks, x):
     """`_backward` for three columns in single precision."""
     widest = 0

@@ -17,7 +17,14 @@ from safetensors.numpy import load_file, save
 from deformer.acap import FeatureScaler
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, connectivity_hash
-from deformer.io import atomic_directory, check_directory, load_mesh, save_mesh, write_json
+from deformer.io import (
+    atomic_directory,
+    check_directory,
+    load_mesh,
+    locked,
+    save_mesh,
+    write_json,
+)
 from deformer.model.bend_limits import BendLimits
 from deformer.model.latent_prior import LatentPrior
 from deformer.model.model import DeformationModel
@@ -25,6 +32,7 @@ from deformer.model.rigid_prior import RigidPrior
 from deformer.network import ModelConfig, NetworkWeights
 
 FORMAT_VERSION = 2
+_WAIT = 30.0  # seconds for another process that writes the same model
 _FILES = ("model.json", "reference.ply", "weights.safetensors")
 
 
@@ -48,7 +56,7 @@ def save_model(model: DeformationModel, path: str | Path) -> None:
         InputError: the directory contains other files, or its parent does not exist.
         OSError: writing failed.
     """
-    with atomic_directory(path, _replaceable) as folder:
+    with locked(path, _WAIT), atomic_directory(path, _replaceable) as folder:
         save_mesh(folder / "reference.ply", model.reference)
         arrays: dict[str, NDArray] = {f"network.{k}": v for k, v in model.weights.arrays.items()}
         arrays["codes"] = model.codes
@@ -102,16 +110,19 @@ def save_names(path: str | Path, names: Mapping[int, str]) -> DeformationModel:
         The model with its names.
 
     Raises:
-        InputError: no such model, a shipped one, or names that `check_names` rejects.
+        InputError: no such model, a shipped one, names that `check_names` rejects, or another
+            process is writing the model.
     """
     if not Path(path).is_dir() and str(path) in shipped_models():
         raise InputError(f"{path}: a shipped model keeps its names; save a copy under another one")
-    model = load_model(path).with_component_names(names)
-    where = Path(path) / "model.json"
-    data = json.loads(where.read_text(encoding="utf-8"))
-    data["component_names"] = _names_as_json(model.component_names)
-    data["sha256"]["model.json"] = _digest_of_description(data)
-    write_json(where, data)
+    # Between reading and writing another process must neither name components nor save a model.
+    with locked(path, _WAIT):
+        model = load_model(path).with_component_names(names)
+        where = Path(path) / "model.json"
+        data = json.loads(where.read_text(encoding="utf-8"))
+        data["component_names"] = _names_as_json(model.component_names)
+        data["sha256"]["model.json"] = _digest_of_description(data)
+        write_json(where, data)
     return model
 
 

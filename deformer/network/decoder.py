@@ -10,19 +10,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 
 from deformer.acap import FeatureScaler
-from deformer.compilation import called_with
+from deformer.compilation import called_with, njit
 from deformer.geometry import FloatArray, IntArray
 from deformer.linalg import over_ranges
 from deformer.network.weights import NetworkWeights, ring_mean
 
 
 @called_with("void(i8, i8, f4[:, :, ::1], f4[::1], f4[::1], f4[:, ::1])")
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(nogil=True, error_model="numpy", fastmath=True)
 def _affine(start, stop, matrix, z, bias, out):
     """out_i = matrix_i z + bias, vertex by vertex, in the precision of z."""
     K = matrix.shape[2]

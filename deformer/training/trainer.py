@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 
 from deformer.errors import InputError
 from deformer.geometry import Mesh, MeshSequence, align, e_rms
+from deformer.io import locked
 from deformer.linalg import resolve_device
 from deformer.model import DeformationModel
 from deformer.network import FactorisationSettings, ModelConfig, resolve_config
@@ -67,7 +69,8 @@ def train(
         summary["interrupted"] is True.
 
     Raises:
-        InputError: too few shapes, a bad split, config, device or checkpoint.
+        InputError: too few shapes, a bad split, config, device or checkpoint, or another process
+            is writing to `checkpoint`.
         OSError: a checkpoint cannot be written.
         KeyboardInterrupt: Ctrl-C before or after the training. The checkpoint has what was
             finished: the features, the trials of settings, the network.
@@ -96,9 +99,6 @@ def train(
 
     if folder is not None:
         folder.absolute().parent.mkdir(parents=True, exist_ok=True)
-        check_checkpoint(folder)
-        if not resume:
-            remove_checkpoint(folder)
 
     def on_features(done: int, total: int) -> None:
         if on_progress is not None:
@@ -108,22 +108,27 @@ def train(
     chosen = shapes.subset(indices)
     identity = {**_identity(settings, seed), "shapes": _digest(chosen, base)}
     stages = Stages(folder, identity)
-    if (kept := stages.load("features")) is not None:
-        examples = TrainingSet.restore(kept, base.faces)
-    else:
-        examples = TrainingSet.prepare(chosen, base, reference_index, settings, on_features)
-        stages.save("features", examples.arrays)
     handle_noise = None
-    if isinstance(settings.training, FactorisationSettings):
-        settings, handle_noise = SettingsSearch(examples, settings, stages, on_progress).run()
-    result = examples.train_network(
-        settings,
-        seed=seed,
-        device=device,
-        checkpoint=folder,
-        resume=resume and folder is not None and has_trained(folder),
-        on_progress=on_progress,
-    )
+    with locked(folder) if folder is not None else nullcontext():
+        if folder is not None:
+            check_checkpoint(folder)
+            if not resume:
+                remove_checkpoint(folder)
+        if (kept := stages.load("features")) is not None:
+            examples = TrainingSet.restore(kept, base.faces)
+        else:
+            examples = TrainingSet.prepare(chosen, base, reference_index, settings, on_features)
+            stages.save("features", examples.arrays)
+        if isinstance(settings.training, FactorisationSettings):
+            settings, handle_noise = SettingsSearch(examples, settings, stages, on_progress).run()
+        result = examples.train_network(
+            settings,
+            seed=seed,
+            device=device,
+            checkpoint=folder,
+            resume=resume and folder is not None and has_trained(folder),
+            on_progress=on_progress,
+        )
     summary = {
         "shapes": len(shapes),
         "train": len(indices),

@@ -73,19 +73,22 @@ def test_what_killed_processes_left_is_removed(target):
     died = subprocess.Popen([sys.executable, "-c", ""])
     died.wait()
     old = time.time() - 2 * 3600
-    for process, age, suffix in [
-        (died.pid, old, ".v2"),
-        (died.pid, time.time(), ".v2"),  # of another machine, perhaps
-        (os.getpid(), old, ".v2"),
-        (died.pid, old, ".v3"),  # of another directory
+    here, other = atomic._system(), "0" * 6
+    kept, gone = [], []
+    for where, system, process, age, suffix in [
+        (gone, here, died.pid, time.time(), ".v2"),
+        (gone, other, died.pid, old, ".v2"),
+        (kept, other, died.pid, time.time(), ".v2"),
+        (kept, here, os.getpid(), old, ".v2"),
+        (kept, here, died.pid, old, ".v3"),  # of another directory
     ]:
-        left = target.parent / f".model-{process}-0123abc{len(names(target.parent))}{suffix}"
+        left = target.parent / f".model-{system}-{process}-0123abc{len(kept + gone)}{suffix}"
         left.mkdir()
         (left / "a.txt").write_text("half")
         os.utime(left, (age, age))
+        where.append(left.name)
     put(target, "new")
-    assert len(names(target.parent)) == 4
-    assert f".model-{died.pid}-0123abc1.v2" not in names(target.parent)
+    assert names(target.parent) == sorted([*kept, "model.v2"])
 
 
 SAVER = """

@@ -13,6 +13,7 @@ import numpy as np
 import deformer
 from deformer import Component, ComponentAnalysis, Mesh, io
 from deformer_app import console
+from deformer_app.cli.folders import output_folder
 from deformer_app.rendering.animation import save_animation
 from deformer_app.rendering.camera import Camera, aim, turntable, upright_axes
 from deformer_app.rendering.offscreen import Layer, Picture, contact_sheet, render
@@ -25,6 +26,7 @@ TURN = (240, 300)  # pixels of a turntable
 COLUMNS = 5
 FPS = 8
 CAPTION = "feature change"
+_WRITTEN = r"component-\d+\.(ply|png|gif)|components\.(csv|json)|sheet\.png"
 
 
 def run(
@@ -39,7 +41,7 @@ def run(
 
     Args:
         model_name: name of a shipped model, or a path.
-        output: directory, created if missing.
+        output: directory; an older one of this command is replaced.
         top: number of components, the strongest first; None is all.
         extreme_count: number of training shapes to name for each component.
         turn: number of pictures of a turntable for each component; 0 writes none.
@@ -48,28 +50,29 @@ def run(
     Returns:
         The table's rows, the correlations of activations, and the files.
     """
-    model = deformer.load_model(model_name)
-    analysis = ComponentAnalysis(model, extreme_count)
-    found = analysis.ranked(top)
-    output.mkdir(parents=True, exist_ok=True)
-    stems = [f"component-{c.index:02d}" for c in found]
-    for c, stem in zip(found, stems, strict=True):
-        io.save_mesh(output / f"{stem}.ply", analysis.shape(c.index))
-    total = len(found) * (1 + turn)
-    up = str(model.summary.get("up", "y"))
-    tiles = []
-    for stem, picture in zip(stems, heat_maps(analysis, found, up), strict=True):
-        save_sheet(output / f"{stem}.png", picture)
-        tiles.append(picture)
-        progress(len(tiles), total)
-    save_sheet(output / "sheet.png", contact_sheet(tiles, COLUMNS, [title(c) for c in found]))
-    if turn:
-        _turntables(analysis, found, up, turn, [output / f"{s}.gif" for s in stems], progress)
-    rows = [asdict(c) for c in found]
-    _save_table(output / "components.csv", rows)
-    result = {"model": model_name, "components": rows, "correlations": analysis.correlations}
-    io.write_json(output / "components.json", console.plain(result))
-    return {**result, "files": sorted(output.iterdir())}
+    with output_folder(output, _WRITTEN) as folder:
+        model = deformer.load_model(model_name)
+        analysis = ComponentAnalysis(model, extreme_count)
+        found = analysis.ranked(top)
+        stems = [f"component-{c.index:02d}" for c in found]
+        for c, stem in zip(found, stems, strict=True):
+            io.save_mesh(folder / f"{stem}.ply", analysis.shape(c.index))
+        total = len(found) * (1 + turn)
+        up = str(model.summary.get("up", "y"))
+        tiles = []
+        for stem, picture in zip(stems, heat_maps(analysis, found, up), strict=True):
+            save_sheet(folder / f"{stem}.png", picture)
+            tiles.append(picture)
+            progress(len(tiles), total)
+        save_sheet(folder / "sheet.png", contact_sheet(tiles, COLUMNS, [title(c) for c in found]))
+        if turn:
+            _turntables(analysis, found, up, turn, [folder / f"{s}.gif" for s in stems], progress)
+        rows = [asdict(c) for c in found]
+        _save_table(folder / "components.csv", rows)
+        result = {"model": model_name, "components": rows, "correlations": analysis.correlations}
+        io.write_json(folder / "components.json", console.plain(result))
+        files = sorted(output / entry.name for entry in folder.iterdir())
+    return {**result, "files": files}
 
 
 def heat_maps(
@@ -107,6 +110,8 @@ def rename(model_name: str, assignments: list[str], output: Path | None) -> dict
         InputError: a text that is no assignment, or a name that `deformer.save_names` refuses.
     """
     names: dict[int, str] = {}
+    if output is not None:
+        deformer.check_model_folder(output)
     model = deformer.load_model(model_name)
     for text in assignments:
         key, sign, name = text.partition("=")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 import deformer
 from deformer import Mesh, io
 from deformer_app import console
+from deformer_app.cli.folders import output_folder
 from deformer_app.rendering.animation import save_animation
 from deformer_app.rendering.camera import aim, eased, upright_axes
 from deformer_app.rendering.offscreen import HandleGlyphs, contact_sheet, render, save_picture
@@ -28,6 +30,7 @@ TILE = (420, 520)  # pixels of a picture on the sheet
 FRAME = (360, 440)  # pixels of the animation
 FRAME_STRIDE = 2  # mouse moves a picture of the animation
 FPS = 20  # of the animation
+_FILES = ("pose.ply", "sheet.png", "drag.gif")
 
 # Lengths relative to the figure's height: shoulders are 0.1 from the middle and 0.82 high.
 SHOULDER_SIDE, SHOULDER_DROP = 0.10, 0.18
@@ -142,29 +145,29 @@ def run(model_name: str, output: Path, progress: Callable[[int, int], None]) -> 
 
     Args:
         model_name: name of a shipped model, or a path; the model is upright.
-        output: directory, created if missing.
+        output: directory; an older one of this command is replaced.
         progress: called with the number of steps done and of all steps.
 
     Returns:
         Residuals by handle, milliseconds a frame, and the files.
     """
-    model = deformer.load_model(model_name)
-    up = str(model.summary.get("up", "y"))
-    drag = record(model.reference, up)
-    shown = range(0, len(drag.moves) + 1, FRAME_STRIDE)
-    total = len(drag.moves) + 1 + len(shown)
-    steps = replay(model, drag, lambda done: progress(done, total))
+    with output_folder(output, "|".join(map(re.escape, _FILES))) as folder:
+        model = deformer.load_model(model_name)
+        up = str(model.summary.get("up", "y"))
+        drag = record(model.reference, up)
+        shown = range(0, len(drag.moves) + 1, FRAME_STRIDE)
+        total = len(drag.moves) + 1 + len(shown)
+        steps = replay(model, drag, lambda done: progress(done, total))
 
-    output.mkdir(parents=True, exist_ok=True)
-    files = [output / name for name in ("pose.ply", "sheet.png", "drag.gif")]
-    io.save_mesh(files[0], Mesh(steps[-1].vertices, model.reference.faces))
-    save_picture(files[1], _sheet(model.reference, drag, steps, up))
-    camera = _camera(model.reference, steps, up, FRAME)
-    frames = []
-    for index in shown:
-        frames.append(_picture(model.reference, drag, steps[index], camera, FRAME))
-        progress(len(steps) + len(frames), total)
-    save_animation(files[2], [*frames, *[frames[-1]] * 10], FPS)
+        io.save_mesh(folder / _FILES[0], Mesh(steps[-1].vertices, model.reference.faces))
+        save_picture(folder / _FILES[1], _sheet(model.reference, drag, steps, up))
+        camera = _camera(model.reference, steps, up, FRAME)
+        frames = []
+        for index in shown:
+            frames.append(_picture(model.reference, drag, steps[index], camera, FRAME))
+            progress(len(steps) + len(frames), total)
+        save_animation(folder / _FILES[2], [*frames, *[frames[-1]] * 10], FPS)
+    files = [output / name for name in _FILES]
     return {"model": model_name, **_summarize(model.reference, drag, steps, up), "files": files}
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def check_output(path: Path, is_sequence: bool) -> None:
-    """Raise InputError, before any work, if the suffix of `path` does not suit the output."""
+    """Raise InputError, before any work, if the output cannot be written to `path`."""
     suffix = path.suffix.lower()
     one_mesh = suffix in io.MESH_SUFFIXES
     if is_sequence and one_mesh:
@@ -32,8 +32,7 @@ def check_output(path: Path, is_sequence: bool) -> None:
             f"{path}: got suffix {suffix!r}, expected one of {', '.join(io.MESH_SUFFIXES)} for a "
             "single pose"
         )
-    if not path.absolute().parent.is_dir():
-        raise deformer.InputError(f"{path.parent}: no such directory; create it first")
+    io.check_shapes_output(path) if is_sequence else io.check_output_file(path)
 
 
 def pose(

@@ -150,8 +150,10 @@ def train(
         "align_shapes": align,
         "seed": seed,
     }
-    checkpoint = _prepare_output(output, options if resume else None)
-    with _kept_if_cut_short(checkpoint):
+    with (
+        _outputs(output, options if resume else None) as checkpoint,
+        _kept_if_cut_short(checkpoint),
+    ):
         sequence = _load_shapes(shapes)
         _refuse_unusable(shapes, sequence)
         parts = io.load_split(split, len(sequence)) if split else None
@@ -286,7 +288,7 @@ def fit(
     file = io.load_handles(handles, len(loaded.reference.vertices))
     fitting.check_output(output, file.is_sequence)
     if file.is_sequence:
-        with console.progress("fitting") as report:
+        with io.locked(output), console.progress("fitting") as report:
             vertices, result = fitting.sequence(
                 loaded,
                 file,
@@ -296,9 +298,10 @@ def fit(
                 backend=backend,
                 progress=report,
             )
+            fitting.save(output, loaded.reference.faces, vertices)
     else:
         vertices, result = fitting.pose(loaded, file, hard)
-    fitting.save(output, loaded.reference.faces, vertices)
+        fitting.save(output, loaded.reference.faces, vertices)
     if as_json:
         console.emit({**result, "output": str(output)})
         return
@@ -428,14 +431,19 @@ def _refuse_unusable(path: Path, shapes: MeshSequence) -> None:
         )
 
 
-def _prepare_output(output: Path, resume: dict[str, Any] | None) -> Path:
-    """Check the model's directory before training starts; return that of the checkpoints.
+@contextmanager
+def _outputs(output: Path, resume: dict[str, Any] | None) -> Iterator[Path]:
+    """Keep other processes from the model's directory while it is trained; check it first.
 
     Args:
         output: the model's directory.
         resume: options of the training that goes on from the checkpoint; None starts anew.
+
+    Yields:
+        The directory of the checkpoints.
     """
     import deformer
+    from deformer import io
 
     if output.name in ("", ".."):  # as of "."
         output = output.resolve()
@@ -444,10 +452,11 @@ def _prepare_output(output: Path, resume: dict[str, Any] | None) -> Path:
         deformer.check_resumable(checkpoint, **resume)
     output.parent.mkdir(parents=True, exist_ok=True)
     deformer.check_model_folder(output)
-    deformer.check_checkpoint(checkpoint)
-    if resume is None and deformer.has_checkpoint(checkpoint):
-        console.warn(f"replacing the checkpoint {checkpoint}; --resume would go on from it")
-    return checkpoint
+    with io.locked(output):
+        deformer.check_checkpoint(checkpoint)
+        if resume is None and deformer.has_checkpoint(checkpoint):
+            console.warn(f"replacing the checkpoint {checkpoint}; --resume would go on from it")
+        yield checkpoint
 
 
 @contextmanager

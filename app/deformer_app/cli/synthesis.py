@@ -23,12 +23,15 @@ from deformer import (
 )
 from deformer_app.cli import fit as fitting
 from deformer_app.cli.arguments import words
+from deformer_app.cli.folders import output_folder
 from deformer_app.rendering.animation import save_animation, side_by_side, there_and_back
 from deformer_app.rendering.offscreen import contact_sheet
 from deformer_app.rendering.sheets import draw, save_sheet, sheet
 
 Progress = Callable[[int, int], None]
 FPS = 12  # of animations
+_SYNTHESIZED = r"sweep-\d+\.(npz|gif)|shapes\.npz|sheet\.png"
+_INTERPOLATED = r"(latent|features|linear)\.npz|sheet\.png|path\.gif|lengths\.json"
 
 
 @dataclass(frozen=True)
@@ -46,29 +49,40 @@ class Request:
     spaces: str = "latent"
     onto: str | None = None
 
+    @property
+    def makes_folder(self) -> bool:
+        """True if the output is a directory."""
+        return self.random is not None or bool(self.sweeps)
+
 
 def run(request: Request, progress: Progress) -> dict[str, Any]:
     """Synthesise shapes and write them; returns their codes and files."""
     spaces = _spaces(request.spaces)
     _check(request, spaces)
+    if not request.makes_folder:
+        return _one_shape(request, spaces[0])
+    with output_folder(request.output, _SYNTHESIZED) as folder:
+        write = _sweeps if request.random is None else _random_shapes
+        return write(request, folder, spaces, progress)
+
+
+def _models(request: Request) -> tuple[DeformationModel, DeformationModel]:
+    """The model whose codes are chosen, and the one that decodes them."""
     model = deformer.load_model(request.model)
-    goal = model if request.onto is None else deformer.load_model(request.onto)
-    if request.random is not None:
-        codes = deformer.draw_codes(model, request.random, request.seed, request.bound)
-        shapes = np.stack([_decoded(model, goal, z) for z in codes])
-        familiarity = deformer.Familiarity(model)
-        distances = [familiarity.distance(z) for z in codes]
-        return _write_random(request, goal, shapes, codes, distances, progress)
+    return model, model if request.onto is None else deformer.load_model(request.onto)
+
+
+def _one_shape(request: Request, space: BlendSpace) -> dict[str, Any]:
+    """Write one shape."""
+    model, goal = _models(request)
     weights = _weights(request.weights) if request.weights else {}
     synthesis = Synthesis(model, start_code(model, request.start))
-    if request.sweeps:
-        return _sweeps(request, model, goal, synthesis, weights, spaces, progress)
     z = synthesis.code(weights)
-    vertices = synthesis.shape(weights, spaces[0]) if goal is model else _decoded(model, goal, z)
+    vertices = synthesis.shape(weights, space) if goal is model else _decoded(model, goal, z)
     fitting.save(request.output, goal.reference.faces, vertices)
     return {
         "output": str(request.output),
-        "space": spaces[0],
+        "space": space,
         "z": z,
         "familiarity": deformer.Familiarity(model).distance(z),
     }
@@ -81,26 +95,26 @@ def between(
     chosen = _spaces(spaces)
     if len(keys) < 2:
         raise InputError(f"interpolate: got {len(keys)} shape, expected two or more")
-    model = deformer.load_model(model_name)
-    shapes = np.stack([_shape(model, key) for key in keys])
-    paths = {space: deformer.interpolate(model, shapes, steps, space) for space in chosen}
-    output.mkdir(parents=True, exist_ok=True)
-    faces = model.reference.faces
-    for space, path in paths.items():
-        io.save_shapes(output / f"{space}.npz", MeshSequence(path.vertices, faces))
-    drawn = draw({space: p.vertices for space, p in paths.items()}, faces, _up(model), progress)
-    titles = {space: [f"{space}, {t:.2f}" for t in path.times] for space, path in paths.items()}
-    save_sheet(output / "sheet.png", sheet(drawn, titles))
-    save_animation(output / "path.gif", there_and_back(side_by_side(drawn)), FPS)
-    record = {
-        space: {
-            "shortest_total": float(path.length_ratios().min()),
-            "edges_5_percent": float(np.quantile(path.edge_ratios(), 0.05, axis=1).min()),
+    with output_folder(output, _INTERPOLATED) as folder:
+        model = deformer.load_model(model_name)
+        shapes = np.stack([_shape(model, key) for key in keys])
+        paths = {space: deformer.interpolate(model, shapes, steps, space) for space in chosen}
+        faces = model.reference.faces
+        for space, path in paths.items():
+            io.save_shapes(folder / f"{space}.npz", MeshSequence(path.vertices, faces))
+        drawn = draw({space: p.vertices for space, p in paths.items()}, faces, _up(model), progress)
+        titles = {space: [f"{space}, {t:.2f}" for t in path.times] for space, path in paths.items()}
+        save_sheet(folder / "sheet.png", sheet(drawn, titles))
+        save_animation(folder / "path.gif", there_and_back(side_by_side(drawn)), FPS)
+        record = {
+            space: {
+                "shortest_total": float(path.length_ratios().min()),
+                "edges_5_percent": float(np.quantile(path.edge_ratios(), 0.05, axis=1).min()),
+            }
+            for space, path in paths.items()
         }
-        for space, path in paths.items()
-    }
-    result = {"model": model_name, "keys": keys, "spaces": record}
-    io.write_json(output / "lengths.json", result)
+        result = {"model": model_name, "keys": keys, "spaces": record}
+        io.write_json(folder / "lengths.json", result)
     return {
         **result,
         "files": _files(output, "sheet.png", "path.gif", *(f"{w}.npz" for w in chosen)),
@@ -109,7 +123,9 @@ def between(
 
 def encode(model_name: str, shape: Path, output: Path | None, quick: bool) -> dict[str, Any]:
     """Code of a shape, and the distances of the decoded shape from it."""
-    if output is not None and output.suffix.lower() != ".json":
+    if output is not None and output.suffix.lower() == ".json":
+        io.check_output_file(output)
+    elif output is not None:
         fitting.check_output(output, is_sequence=False)
     model = deformer.load_model(model_name)
     vertices = _loaded(model, shape)
@@ -195,7 +211,7 @@ def _check(request: Request, spaces: tuple[BlendSpace, ...]) -> None:
         raise InputError(
             "synthesize: --onto and --random know the space latent only; drop --spaces"
         )
-    if request.random is None and not request.sweeps:
+    if not request.makes_folder:
         if len(spaces) > 1:
             raise InputError(
                 f"synthesize: one shape is made in one space, got {request.spaces}; choose one"
@@ -251,15 +267,12 @@ def _up(model: DeformationModel) -> str:
 
 
 def _sweeps(
-    request: Request,
-    model: DeformationModel,
-    goal: DeformationModel,
-    synthesis: Synthesis,
-    weights: dict[int | str, float],
-    spaces: tuple[BlendSpace, ...],
-    progress: Progress,
+    request: Request, folder: Path, spaces: tuple[BlendSpace, ...], progress: Progress
 ) -> dict[str, Any]:
     """Write an NPZ and a GIF for every sweep and space, and one sheet with a row for each."""
+    model, goal = _models(request)
+    synthesis = Synthesis(model, start_code(model, request.start))
+    weights = _weights(request.weights) if request.weights else {}
     rows: dict[str, NDArray] = {}
     titles: dict[str, list[str]] = {}
     fixed = {model.component(key): weight for key, weight in weights.items()}
@@ -275,33 +288,32 @@ def _sweeps(
                 codes = [synthesis.code({**fixed, k: float(w)}) for w in values]
                 rows[row] = np.stack([_decoded(model, goal, z) for z in codes])
     output, faces = request.output, goal.reference.faces
-    output.mkdir(parents=True, exist_ok=True)
     drawn = draw(rows, faces, _up(goal), progress)
-    save_sheet(output / "sheet.png", sheet(drawn, titles))
+    save_sheet(folder / "sheet.png", sheet(drawn, titles))
     files = ["sheet.png"]
     for n, (row, shapes) in enumerate(rows.items()):
-        io.save_shapes(output / f"sweep-{n}.npz", MeshSequence(shapes, faces))
+        io.save_shapes(folder / f"sweep-{n}.npz", MeshSequence(shapes, faces))
         frames = there_and_back(side_by_side({row: drawn[row]}))
-        save_animation(output / f"sweep-{n}.gif", frames, FPS)
+        save_animation(folder / f"sweep-{n}.gif", frames, FPS)
         files += [f"sweep-{n}.npz", f"sweep-{n}.gif"]
     return {"output": str(output), "rows": list(rows), "files": _files(output, *files)}
 
 
-def _write_random(
-    request: Request,
-    goal: DeformationModel,
-    shapes: NDArray,
-    codes: NDArray,
-    distances: list[float],
-    progress: Progress,
+def _random_shapes(
+    request: Request, folder: Path, spaces: tuple[BlendSpace, ...], progress: Progress
 ) -> dict[str, Any]:
+    """Write shapes drawn from the latent prior, and a sheet of them."""
+    model, goal = _models(request)
+    codes = deformer.draw_codes(model, request.random or 0, request.seed, request.bound)
+    shapes = np.stack([_decoded(model, goal, z) for z in codes])
+    familiarity = deformer.Familiarity(model)
+    distances = [familiarity.distance(z) for z in codes]
     output, faces = request.output, goal.reference.faces
-    output.mkdir(parents=True, exist_ok=True)
-    io.save_shapes(output / "shapes.npz", MeshSequence(shapes, faces))
+    io.save_shapes(folder / "shapes.npz", MeshSequence(shapes, faces))
     pictures = draw({"": shapes}, faces, _up(goal), progress)[""]
     titles = [f"{n}: {distance:.2f} from examples" for n, distance in enumerate(distances)]
     columns = min(len(pictures), 6)
-    save_sheet(output / "sheet.png", contact_sheet(pictures, columns, titles))
+    save_sheet(folder / "sheet.png", contact_sheet(pictures, columns, titles))
     return {
         "output": str(output),
         "codes": codes,

@@ -74,26 +74,28 @@ def run(
     _check_output(output)
     begun = time.time()
     studies = _paper(paths, options) if preset == "paper" else _studies(paths, options, preset)
-    rows = evaluation.evaluate(studies, output, processes, progress)
-    seconds = time.time() - begun
-    facts = {
-        "command": shlex.join(["deformer", *sys.argv[1:]]),
-        "versions": {"python": platform.python_version()}
-        | {name: metadata.version(name) for name in _PACKAGES},
-        "machine": {
-            "system": platform.platform(),
-            "processor": _processor(),
-            "cores": os.cpu_count(),
-        },
-        "processes": processes,
-        "seconds": round(seconds, 1),
-        "seeds": sorted({row["seed"] for row in rows}),
-        "preset": preset,
-        "studies": [_facts(study) for study in studies],
-    }
-    io.write_json(output / "run.json", facts)
-    sources = list({study.source.name: study.source for study in studies}.values())
-    report.write(output, rows, facts, {source.name: source.up for source in sources})
+    output.mkdir(parents=True, exist_ok=True)
+    with io.locked(output):
+        rows = evaluation.evaluate(studies, output, processes, progress)
+        seconds = time.time() - begun
+        facts = {
+            "command": shlex.join(["deformer", *sys.argv[1:]]),
+            "versions": {"python": platform.python_version()}
+            | {name: metadata.version(name) for name in _PACKAGES},
+            "machine": {
+                "system": platform.platform(),
+                "processor": _processor(),
+                "cores": os.cpu_count(),
+            },
+            "processes": processes,
+            "seconds": round(seconds, 1),
+            "seeds": sorted({row["seed"] for row in rows}),
+            "preset": preset,
+            "studies": [_facts(study) for study in studies],
+        }
+        io.write_json(output / "run.json", facts)
+        sources = list({study.source.name: study.source for study in studies}.values())
+        report.write(output, rows, facts, {source.name: source.up for source in sources})
     return {
         "output": str(output),
         "report": str(output / "report.html"),

@@ -6,7 +6,7 @@ import threading
 from pathlib import Path
 
 import deformer
-from deformer import InputError, TrainingProgress, examine
+from deformer import InputError, TrainingProgress, examine, io
 
 
 class TrainingJob:
@@ -47,16 +47,17 @@ class TrainingJob:
     def _run(self, source: Path, components: int, epochs: int | None, up: str) -> None:
         try:
             deformer.check_model_folder(self.output)
-            shapes = deformer.load_shapes(source, self._loading)
-            report = examine(shapes)
-            if not report.usable:
-                errors = [f.message for f in report.findings if f.severity == "error"]
-                raise InputError(f"{source}: {errors[0] if errors else 'unusable'}")
-            model = deformer.train(
-                shapes, components, epochs=epochs, up=up, on_progress=self._report
-            )
-            if not self._stop:
-                model.save(self.output)
+            with io.locked(self.output):
+                shapes = deformer.load_shapes(source, self._loading)
+                report = examine(shapes)
+                if not report.usable:
+                    errors = [f.message for f in report.findings if f.severity == "error"]
+                    raise InputError(f"{source}: {errors[0] if errors else 'unusable'}")
+                model = deformer.train(
+                    shapes, components, epochs=epochs, up=up, on_progress=self._report
+                )
+                if not self._stop:
+                    model.save(self.output)
         except KeyboardInterrupt:
             pass  # cancelled before the first step
         except Exception as error:  # the window shows it

@@ -334,7 +334,7 @@ def test_mistakes_are_one_line(refuse, shapes_path, model_path, tmp_path):
     assert "abacus" in refuse("fit", model_path, many, "-o", poses, "--device", "abacus")
     assert "numba or torch" in refuse("fit", model_path, many, "-o", poses, "--backend", "abacus")
     assert not poses.exists()
-    assert "no such directory" in refuse("fit", model_path, good, "-o", nowhere / "pose.ply")
+    assert "does not exist" in refuse("fit", model_path, good, "-o", nowhere / "pose.ply")
     assert "broken.json" in refuse("train", shapes_path, "-o", nowhere, "--split", broken)
     assert "good.json" in refuse("train", shapes_path, "-o", good)
     assert "full" in refuse("train", shapes_path, "-o", tmp_path / "full")

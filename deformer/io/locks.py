@@ -1,0 +1,64 @@
+"""Locks that keep two processes from writing the same output."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from deformer.errors import InputError
+from deformer.io.atomic import PathLike, check_parent
+
+_held: set[tuple[int, Path]] = set()  # thread and output
+
+
+@contextmanager
+def locked(path: PathLike, wait: float = 0.0) -> Iterator[None]:
+    """Keep other processes, and other threads, from writing `path` while the block runs.
+
+    It binds those that ask for the lock, too; readers need none. The system releases the lock when
+    its process ends, however it ends. The lock is an empty hidden file beside `path`, removed after
+    the block; where only `path` itself can be written to, as to a mounted directory, it is inside.
+    A block within a block of the same thread and output has the lock already.
+
+    Args:
+        path: the file or directory; its parent must exist.
+        wait: seconds to wait for another process.
+
+    Raises:
+        InputError: another process has the lock, or there is no place for it.
+    """
+    from filelock import FileLock, Timeout  # imports asyncio
+
+    target = Path(path).resolve()
+    key = threading.get_ident(), target
+    if key in _held:
+        yield
+        return
+    inside = target.is_dir() and not os.access(target.parent, os.W_OK)
+    file = target / ".lock" if inside else target.parent / f".{target.name}.lock"
+    check_parent(file)
+    lock = FileLock(file)
+    try:
+        lock.acquire(timeout=wait)
+    except Timeout:
+        raise InputError(
+            f"{path}: another process is writing it; wait until it has ended, or choose another "
+            "output"
+        ) from None
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be locked ({error.strerror or error}); choose another place"
+        ) from error
+    _held.add(key)
+    try:
+        yield
+    finally:
+        _held.discard(key)
+        # Before the release: who then waits for this file finds that it is gone, and makes another.
+        with contextlib.suppress(OSError):
+            file.unlink()
+        lock.release()
