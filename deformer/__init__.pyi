@@ -48,7 +48,6 @@ from .geometry import (
     vertex_errors as vertex_errors,
 )
 from .io import (
-    examine as examine,
     load_mesh as load_mesh,
     load_shapes as load_shapes,
     save_mesh as save_mesh,
@@ -65,6 +64,11 @@ from .network import (
     AdamSettings as AdamSettings,
     FactorisationSettings as FactorisationSettings,
     ModelConfig as ModelConfig,
+)
+from .preflight import (
+    Finding as Finding,
+    Report as Report,
+    examine as examine,
 )
 from .training import (
     TrainingProgress as TrainingProgress,

@@ -1,4 +1,4 @@
-"""Reading and writing: meshes in five formats, JSON and NPZ files, and checks before work starts.
+"""Reading and writing: meshes in five formats, JSON and NPZ files.
 
 The names that other packages may use are listed in `__init__.pyi`; each is loaded when it is
 first asked for.

@@ -26,6 +26,6 @@ from .meshes import (
     load_shapes as load_shapes,
     save_mesh as save_mesh,
     save_shapes as save_shapes,
+    shape_files as shape_files,
     write_npz as write_npz,
 )
-from .preflight import examine as examine

@@ -54,6 +54,7 @@ __all__ = [
     "read_json",
     "save_mesh",
     "save_shapes",
+    "shape_files",
     "write_json",
     "write_npz",
 ]
@@ -105,6 +106,19 @@ def load_shapes(path: PathLike, progress: Callable[[int, int], None] | None = No
             progress(1, 1)
         return shapes
     return _load_files([source], progress)
+
+
+def shape_files(path: PathLike) -> list[Path]:
+    """The files that `load_shapes` reads, in its order.
+
+    Args:
+        path: as of `load_shapes`.
+
+    Raises:
+        InputError: a directory without meshes, or with several formats.
+    """
+    source = Path(path)
+    return _shape_files(source) if source.is_dir() else [source]
 
 
 def load_mesh(path: PathLike) -> Mesh:

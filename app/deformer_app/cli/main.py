@@ -81,7 +81,7 @@ def check(shapes: Shapes, as_json: Json = False) -> None:
     """
     from deformer import examine
 
-    report = examine(_load_shapes(shapes))
+    report = examine(_load_shapes(shapes), _file_names(shapes))
     if as_json:
         console.emit(report.as_dict())
     else:
@@ -415,11 +415,18 @@ def _load_shapes(path: Path) -> MeshSequence:
         return deformer.load_shapes(path, report)
 
 
+def _file_names(path: Path) -> list[str] | None:
+    """The file of each shape; None where one file has all."""
+    from deformer import io
+
+    return [file.name for file in io.shape_files(path)] if path.is_dir() else None
+
+
 def _refuse_unusable(path: Path, shapes: MeshSequence) -> None:
     """Print the warnings of `examine`; raise InputError if it finds an error."""
     from deformer import InputError, examine
 
-    report = examine(shapes)
+    report = examine(shapes, _file_names(path))
     errors = [finding.message for finding in report.findings if finding.severity == "error"]
     for finding in report.findings:
         if finding.severity == "warning":

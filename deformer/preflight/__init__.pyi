@@ -1,0 +1,5 @@
+from .examination import examine as examine
+from .report import (
+    Finding as Finding,
+    Report as Report,
+)

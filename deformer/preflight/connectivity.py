@@ -1,0 +1,180 @@
+"""What the connectivity of the shapes has: pieces, borders, seams, faces that disagree."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse import csgraph
+
+from deformer.geometry import FloatArray, IntArray, MeshSequence, connected_components
+from deformer.preflight.report import Finding, Labels
+
+_DEGENERATE_AREA = 1e-12
+
+
+def examine_connectivity(
+    faces: IntArray, vertex_count: int, facts: dict[str, Any], findings: list[Finding]
+) -> None:
+    """Add what holds for faces (F, 3) wherever their vertices lie."""
+    isolated = isolated_vertices(faces, vertex_count)
+    # A vertex without a face is a component of its own to the graph.
+    components = connected_components(faces, vertex_count)[0] - len(isolated)
+    half = half_edges(faces)
+    half = half[half[:, 0] != half[:, 1]]
+    pairs, label, uses = np.unique(
+        np.sort(half, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    non_manifold = pairs[uses > 2]
+    # Consistently oriented faces traverse their common edge in opposite directions.
+    balance = np.bincount(label.ravel(), np.where(half[:, 0] < half[:, 1], 1, -1), len(pairs))
+    inconsistent = pairs[(uses == 2) & (balance != 0)]
+    facts |= {
+        "components": components,
+        "boundary_loops": _loop_count(pairs[uses == 1], vertex_count),
+        "non_manifold_edges": len(non_manifold),
+        "isolated_vertices": len(isolated),
+        "inconsistent_orientation": len(inconsistent),
+    }
+    if len(non_manifold):
+        findings.append(
+            Finding(
+                "warning",
+                "non-manifold",
+                f"edges with more than two faces: {len(non_manifold)}, e.g. "
+                f"{non_manifold[0].tolist()}, expected none; split the surface there or remove "
+                "double faces",
+                vertices=tuple(np.unique(non_manifold).tolist()),
+            )
+        )
+    if len(inconsistent):
+        findings.append(
+            Finding(
+                "warning",
+                "orientation",
+                f"edges between faces of opposite orientation: {len(inconsistent)}, e.g. "
+                f"{inconsistent[0].tolist()}, expected all faces counter-clockwise from outside; "
+                "recalculate the normals in every shape alike",
+                vertices=tuple(np.unique(inconsistent).tolist()),
+            )
+        )
+    if len(isolated):
+        findings.append(
+            Finding(
+                "info",
+                "isolated",
+                f"vertices without a face: {len(isolated)}, e.g. vertex {isolated[0]}; they go "
+                "where the surface near them goes, remove them from all shapes if they are no use",
+                vertices=tuple(isolated.tolist()),
+            )
+        )
+    if components > 1:
+        findings.append(
+            Finding(
+                "info",
+                "pieces",
+                f"connected components: {components}; where each of them lies is learned, too",
+            )
+        )
+    if facts["boundary_loops"]:
+        findings.append(
+            Finding(
+                "info",
+                "open",
+                f"the surface is open, boundary loops: {facts['boundary_loops']}; nothing to do",
+            )
+        )
+
+
+def examine_places(
+    shapes: MeshSequence, label: Labels, facts: dict[str, Any], findings: list[Finding]
+) -> None:
+    """Add faces of shape 0 without area, and vertices that lie on another."""
+    degenerate = np.flatnonzero(_without_area(shapes.vertices[0], shapes.faces))
+    first = same_place(shapes.vertices[:1])
+    coincident = np.flatnonzero(first != np.arange(len(first)))
+    facts |= {"degenerate_faces": len(degenerate), "coincident_vertices": len(coincident)}
+    if len(degenerate):
+        i = degenerate[0]
+        findings.append(
+            Finding(
+                "warning",
+                "degenerate",
+                f"faces of {label([0])} without area: {len(degenerate)}, e.g. face {i} "
+                f"{shapes.faces[i].tolist()}, expected none; collapse them in all shapes",
+                faces=tuple(degenerate.tolist()),
+            )
+        )
+    if not len(coincident):
+        return
+    always = same_place(shapes.vertices)
+    seams = np.flatnonzero(always != np.arange(len(always)))
+    if len(seams):
+        findings.append(
+            Finding(
+                "warning",
+                "seams",
+                f"vertices that lie on another in all shapes: {len(seams)}, e.g. {seams[0]} on "
+                f"{always[seams[0]]}, expected none; weld seams in all shapes alike",
+                vertices=tuple(seams.tolist()),
+            )
+        )
+    if len(seams) < len(coincident):
+        i = np.setdiff1d(coincident, seams, assume_unique=True)[0]
+        findings.append(
+            Finding(
+                "info",
+                "touching",
+                f"vertices of {label([0])} that lie on another there but not in all shapes: "
+                f"{len(coincident) - len(seams)}, e.g. {i} on {first[i]}; nothing to do if "
+                "surfaces touch there",
+                shapes=(0,),
+                vertices=(int(i),),
+            )
+        )
+
+
+def half_edges(faces: IntArray) -> IntArray:
+    """The sides (3F, 2) of faces (F, 3), each in the direction of its face."""
+    return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+
+
+def isolated_vertices(faces: IntArray, vertex_count: int) -> IntArray:
+    """Vertices without a face."""
+    used = np.zeros(vertex_count, dtype=bool)
+    used[faces] = True
+    return np.flatnonzero(~used)
+
+
+def same_place(vertices: FloatArray) -> IntArray:
+    """For every vertex of shapes (N, V, 3) the first vertex at exactly its place in all of them."""
+    first = np.arange(vertices.shape[1])
+    candidates, group = first.copy(), np.zeros(len(first))
+    for shape in vertices:
+        # Only vertices that share their place with another in all shapes before this one.
+        rows = np.column_stack([group, shape[candidates] + 0.0])
+        group = np.unique(rows, axis=0, return_inverse=True)[1].ravel()
+        shared = np.bincount(group)[group] > 1
+        candidates, group = candidates[shared], group[shared]
+        if not len(candidates):
+            return first
+    _, index, label = np.unique(group, return_index=True, return_inverse=True)
+    first[candidates] = candidates[index[label.ravel()]]
+    return first
+
+
+def _without_area(p: FloatArray, faces: IntArray) -> FloatArray:
+    a, b, c = (p[faces[:, corner]] for corner in range(3))
+    double_area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    longest = np.max([((p - q) ** 2).sum(1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
+    return double_area <= _DEGENERATE_AREA * longest
+
+
+def _loop_count(border: IntArray, vertex_count: int) -> int:
+    """Number of connected pieces of the border edges (B, 2)."""
+    graph = sparse.csr_array(
+        (np.ones(len(border)), (border[:, 0], border[:, 1])), shape=(vertex_count, vertex_count)
+    )
+    labels = csgraph.connected_components(graph, directed=False)[1]
+    return len(np.unique(labels[border]))
