@@ -121,11 +121,12 @@ def checked_integer(
     """A whole number of `least` to `most`; booleans, and floats without a fraction, are none."""
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
+    number = 0 if isinstance(value, bool) or not isinstance(value, Integral) else int(value)
     if (
         isinstance(value, bool)
         or not isinstance(value, Integral)
-        or (least is not None and value < least)
-        or (most is not None and value > most)
+        or (least is not None and number < least)
+        or (most is not None and number > most)
     ):
         if least is not None and most is not None:
             bounds = f" of {least}…{most}"
@@ -133,7 +134,7 @@ def checked_integer(
             bounds = "" if least is None else f" of at least {least}"
             bounds += "" if most is None else f" up to {most}"
         raise _unexpected(name, f"an integer{bounds}", value, remedy)
-    return int(value)
+    return number
 
 
 def checked_flag(value: Any, name: object, *, remedy: str = "give one of them") -> bool:

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deformer.checks import LARGEST, checked_number
+from deformer.errors import InputError
 from deformer.geometry import FloatArray
 
 
@@ -18,6 +20,9 @@ class FeatureScaler:
     Args:
         r_min, r_max: least and greatest entry of the rotation vectors, radians.
         s_min, s_max: least and greatest entry of the stretches.
+
+    Raises:
+        InputError: a bound that is not finite, or an empty range.
     """
 
     r_min: float
@@ -26,6 +31,16 @@ class FeatureScaler:
     s_max: float
 
     LIMIT = 0.95
+
+    def __post_init__(self) -> None:
+        """Check both ranges."""
+        for kind, low, high in (("r", self.r_min, self.r_max), ("s", self.s_min, self.s_max)):
+            for name, bound in ((f"{kind}_min", low), (f"{kind}_max", high)):
+                checked_number(bound, f"scaler: {name}", largest=LARGEST)
+            if not low < high:
+                raise InputError(
+                    f"scaler: expected {kind}_min < {kind}_max, got {low:g} and {high:g}; retrain"
+                )
 
     @classmethod
     def fit(cls, q: FloatArray) -> FeatureScaler:

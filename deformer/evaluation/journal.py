@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal, TypedDict
 
 from deformer.errors import InputError
-from deformer.io import atomic_path
+from deformer.io import JsonValue, atomic_path, parse_value, read_bytes
 
 Column = Literal["dataset", "method", "protocol", "count", "seed", "metric", "value"]
 COLUMNS: tuple[Column, ...] = ("dataset", "method", "protocol", "count", "seed", "metric", "value")
@@ -48,22 +48,23 @@ class Journal:
         """Read the file, if it exists."""
         self._path = path
         self._rows: dict[str, list[Row]] = {}
-        if not path.is_file():
+        if not path.is_file() or not path.stat().st_size:
             return
-        lines = path.read_bytes().splitlines(keepends=True)
+        lines = read_bytes(path).splitlines(keepends=True)
         for number, line in enumerate(lines):
             try:
-                entry = json.loads(line)
-                self._rows[entry["key"]] = entry["rows"]
-            except (ValueError, KeyError, TypeError) as error:
-                if number < len(lines) - 1:
+                key, rows = _entry(parse_value(line, f"{path}, line {number + 1}"))
+            except InputError as error:
+                if number < len(lines) - 1 or line.endswith(b"\n"):
                     raise InputError(
-                        f"{path}, line {number + 1}: not an entry of a journal; choose another "
-                        "directory or delete the file"
+                        f"{error} (not an entry of a journal; choose another directory or delete "
+                        "the file)"
                     ) from error
                 # The next entry must begin on a line of its own.
                 with atomic_path(path) as temporary:
                     temporary.write_bytes(b"".join(lines[:-1]))
+            else:
+                self._rows[key] = rows
 
     def __contains__(self, key: str) -> bool:
         """True for a finished measurement; a failed one is not finished, and is tried again."""
@@ -77,8 +78,39 @@ class Journal:
         """Store a measurement's rows; they are on disk when this returns."""
         self._rows[key] = rows
         line = json.dumps({"key": key, "rows": rows}, ensure_ascii=False, allow_nan=False)
-        with self._path.open("ab") as file:
-            file.write(line.encode() + b"\n")
+        try:
+            with self._path.open("ab") as file:
+                file.write(line.encode() + b"\n")
+        except OSError as error:
+            error.filename = str(self._path)
+            raise
+
+
+def _entry(value: JsonValue) -> tuple[str, list[Row]]:
+    value.check_keys(("key", "rows"))
+    return value["key"].text(), [_row(row) for row in value["rows"].items()]
+
+
+def _row(value: JsonValue) -> Row:
+    value.check_keys(COLUMNS)
+    found = value["value"]
+    return Row(
+        dataset=value["dataset"].text(),
+        method=value["method"].text(),
+        protocol=value["protocol"].text(),
+        count=value["count"].integer(0),
+        seed=value["seed"].integer(0),
+        metric=value["metric"].text(),
+        value=found.text() if value["metric"].value == FAILURE else _result(found),
+    )
+
+
+def _result(value: JsonValue) -> float | int | str:
+    """A number, an integer if it was one, or a text."""
+    if isinstance(value.value, str):
+        return value.text()
+    value.number()
+    return value.value
 
 
 def write_csv(path: Path, rows: list[Row]) -> None:

@@ -3,6 +3,7 @@ from .atomic import (
     atomic_path as atomic_path,
     check_directory as check_directory,
     check_output_file as check_output_file,
+    read_bytes as read_bytes,
 )
 from .json_files import (
     HandleFile as HandleFile,
@@ -28,4 +29,10 @@ from .meshes import (
     save_shapes as save_shapes,
     shape_files as shape_files,
     write_npz as write_npz,
+)
+from .preflight import examine as examine
+from .tensors import (
+    read_metadata as read_metadata,
+    read_tensors as read_tensors,
+    write_tensors as write_tensors,
 )

@@ -186,8 +186,8 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """An object, whose keys must differ: readers disagree on which of two counts."""
     found = dict(pairs)
     if len(found) < len(pairs):
-        keys = [key for key, _ in pairs]
-        twice = next(key for key in found if keys.count(key) > 1)
+        seen: set[str] = set()
+        twice = next(key for key, _ in pairs if key in seen or seen.add(key))
         raise ValueError(f"key {shortened(twice)} is given twice")
     return found
 

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from deformer.checks import LARGEST, checked_array
+from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -34,12 +36,29 @@ class BendLimits:
         directions: D (M, K), derivative of the bends with respect to the code, radians.
         low, high: (M,) least and greatest bend among the examples, radians.
         slack: (M,) excess that costs as much as one standard deviation of the prior, radians.
+
+    Raises:
+        InputError: other shapes, numbers that are not finite, a slack that is not positive, or a
+            `low` above its `high`.
     """
 
     directions: FloatArray
     low: FloatArray
     high: FloatArray
     slack: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        M = len(self.directions)
+        for name, array in self.arrays.items():
+            shape = (M, "K") if name == "directions" else (M,)
+            checked_array(array, f"bend_limits_{name}", shape, largest=LARGEST)
+        bad = np.flatnonzero(~(self.slack > 0) | (self.low > self.high))
+        if len(bad):
+            raise InputError(
+                f"bend_limits: bend {bad[0]} has range {self.low[bad[0]]:g}…{self.high[bad[0]]:g} "
+                f"and slack {self.slack[bad[0]]:g}, expected low ≤ high and slack > 0; retrain"
+            )
 
     def excess(self, z: FloatArray) -> FloatArray:
         """Excess (..., M) of the bends of codes z (..., K) over the range, in slacks; 0 inside."""

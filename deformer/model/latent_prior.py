@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deformer.checks import LARGEST, checked_array
+from deformer.errors import InputError
 from deformer.geometry import FloatArray
 
 # Candidates of `fit_prior`: shrinkage α, inflation β, and weight γ of mirror images.
@@ -21,6 +23,26 @@ class LatentPrior:
 
     mean: FloatArray
     covariance: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check the arrays.
+
+        Raises:
+            InputError: other shapes, numbers that are not finite, or a covariance that is not
+                symmetric and positive definite.
+        """
+        mean = checked_array(self.mean, "latent_mean", ("K",), largest=LARGEST)
+        K = len(mean)
+        S = checked_array(self.covariance, "latent_covariance", (K, K), largest=LARGEST)
+        definite = np.allclose(S, S.T, rtol=1e-6, atol=0.0)
+        try:
+            np.linalg.cholesky(S)
+        except np.linalg.LinAlgError:
+            definite = False
+        if not definite:
+            raise InputError(
+                "latent_covariance: expected a symmetric and positive definite matrix; retrain"
+            )
 
     @property
     def factor(self) -> FloatArray:

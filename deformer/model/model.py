@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deformer.acap import FeatureScaler
+from deformer.checks import LARGEST, checked_array, checked_instance, checked_number, shortened
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, Mesh, one_rings
 from deformer.model.bend_limits import BendLimits
@@ -51,7 +52,7 @@ class DeformationModel:
             unknown.
 
     Raises:
-        InputError: names that `check_names` rejects.
+        InputError: parts that do not fit each other, or names that `check_names` rejects.
     """
 
     reference: Mesh
@@ -68,7 +69,36 @@ class DeformationModel:
     bend_limits: BendLimits | None = None
 
     def __post_init__(self) -> None:
-        """Check the names."""
+        """Check that the parts fit each other, and the names."""
+        for name, kind in (
+            ("reference", Mesh),
+            ("config", ModelConfig),
+            ("scaler", FeatureScaler),
+            ("weights", NetworkWeights),
+            ("prior", LatentPrior),
+        ):
+            checked_instance(getattr(self, name), name, kind, remedy="make one")
+        V, K = len(self.reference.vertices), self.components
+        if self.weights.layers != self.config.layers:
+            raise InputError(
+                f"network: expected layers {self.config.layers} as in the config, got "
+                f"{self.weights.layers}; retrain"
+            )
+        for name, array, shape in (
+            ("network.C", self.weights.C, (V, self.config.layers[-1], K)),
+            ("latent_mean", self.prior.mean, (K,)),
+            ("rigid_prior_gain", self.rigid_prior and self.rigid_prior.gain, (3, K)),
+            (
+                "bend_limits_directions",
+                self.bend_limits and self.bend_limits.directions,
+                (len(self.bend_limits.directions) if self.bend_limits else 0, K),
+            ),
+        ):
+            if array is not None and array.shape != shape:
+                raise InputError(f"{name}: expected {shape}, got {array.shape}; retrain")
+        if not len(checked_array(self.codes, "codes", ("N", K), largest=LARGEST)):
+            raise InputError("codes: expected those of at least one training shape; retrain")
+        checked_number(self.handle_noise, "handle_noise", above=0, most=LARGEST)
         checked = check_names(self.component_names, self.components)
         object.__setattr__(self, "component_names", checked)
 
@@ -88,8 +118,10 @@ class DeformationModel:
         Raises:
             InputError: names that `check_names` rejects.
         """
+        if not isinstance(names, Mapping):
+            raise InputError(f"names: expected component → name, got {shortened(names)}")
         merged = {**self.component_names, **names}
-        kept = {k: name for k, name in merged.items() if name.strip()}
+        kept = {k: name for k, name in merged.items() if not isinstance(name, str) or name.strip()}
         return replace(self, component_names=kept)
 
     def component(self, key: int | str) -> int:

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from deformer.checks import LARGEST, checked_array, checked_number
+from deformer.errors import InputError
 from deformer.geometry import FloatArray
 
 # Standard deviation assumed before any example is seen (rad, diagonals), and the number of examples
@@ -35,12 +37,25 @@ class RigidPrior:
             reference.
         offset: (3,) in bounding diagonals from the reference's centroid; None is 0.
         gain: (3, K) in bounding diagonals; None is 0.
+
+    Raises:
+        InputError: a deviation that is not positive, other shapes, or numbers that are not finite.
     """
 
     rotation: float
     translation: float
     offset: FloatArray | None = None
     gain: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        for name, deviation in self.deviations.items():
+            checked_number(deviation, f"rigid_prior: {name}", above=0, most=LARGEST)
+        if (self.offset is None) != (self.gain is None):
+            raise InputError("rigid_prior: expected offset and gain, or neither, got one of them")
+        for name, array in self.arrays.items():
+            shape = (3,) if name == "offset" else (3, "K")
+            checked_array(array, f"rigid_prior_{name}", shape, largest=LARGEST)
 
     def centroid(self, z: FloatArray) -> FloatArray:
         """Centroids (..., 3) of codes z (..., K), in diagonals from the reference's centroid."""

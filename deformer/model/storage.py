@@ -4,28 +4,35 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import fields
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors import SafetensorError
-from safetensors.numpy import load_file, save
 
 from deformer.acap import FeatureScaler
+from deformer.checks import LARGEST
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, connectivity_hash
 from deformer.io import (
+    JsonValue,
     atomic_directory,
     check_directory,
     load_mesh,
     locked,
+    read_json,
+    read_tensors,
+    read_value,
     save_mesh,
     write_json,
+    write_tensors,
 )
 from deformer.model.bend_limits import BendLimits
+from deformer.model.component_names import check_names
 from deformer.model.latent_prior import LatentPrior
 from deformer.model.model import DeformationModel
 from deformer.model.rigid_prior import RigidPrior
@@ -34,6 +41,10 @@ from deformer.network import ModelConfig, NetworkWeights
 FORMAT_VERSION = 2
 _WAIT = 30.0  # seconds for another process that writes the same model
 _FILES = ("model.json", "reference.ply", "weights.safetensors")
+_KEYS = (
+    *("format", "connectivity", "vertices", "faces", "config", "scaler", "split", "summary"),
+    *("rigid_prior", "handle_noise", "component_names", "sha256"),
+)
 
 
 def check_model_folder(path: str | Path) -> None:
@@ -68,8 +79,7 @@ def save_model(model: DeformationModel, path: str | Path) -> None:
         if model.bend_limits is not None:
             for name, array in model.bend_limits.arrays.items():
                 arrays[f"bend_limits_{name}"] = array
-        weights = save({name: np.ascontiguousarray(array) for name, array in arrays.items()})
-        (folder / _FILES[2]).write_bytes(weights)
+        write_tensors(folder / _FILES[2], arrays)
         V = len(model.reference.vertices)
         scaler = model.scaler
         description = {
@@ -119,7 +129,7 @@ def save_names(path: str | Path, names: Mapping[int, str]) -> DeformationModel:
     with locked(path, _WAIT):
         model = load_model(path).with_component_names(names)
         where = Path(path) / "model.json"
-        data = json.loads(where.read_text(encoding="utf-8"))
+        data = read_json(where)
         data["component_names"] = _names_as_json(model.component_names)
         data["sha256"]["model.json"] = _digest_of_description(data)
         write_json(where, data)
@@ -150,10 +160,16 @@ def load_model(path: str | Path) -> DeformationModel:
         before = _version(folder)
         try:
             return _read(folder, path)
-        except InputError:
+        except (InputError, OSError) as error:
             # Files of two versions do not match: the model was saved again while it was read.
-            if _version(folder) == before:
+            if _version(folder) != before:
+                continue
+            if isinstance(error, InputError):
                 raise
+            name = error.filename or folder
+            raise InputError(
+                f"{name}: cannot be read ({error.strerror or error}); check the path"
+            ) from error
 
 
 def _version(folder: Path) -> tuple[int, int] | None:
@@ -177,77 +193,127 @@ def _read(folder: Path, path: str | Path) -> DeformationModel:
             raise InputError(
                 f"{folder / name}: missing, a model has {', '.join(_FILES)}; save it again"
             )
-    where = folder / "model.json"
-    try:
-        data = json.loads(where.read_text(encoding="utf-8"))
-        version = data["format"]
-    except (ValueError, KeyError, TypeError, OSError) as error:
-        raise InputError(f"{where}: not a model description ({error}); restore it") from error
-    if version != FORMAT_VERSION:
-        raise InputError(
-            f"{where}: format version {version}, expected {FORMAT_VERSION}; "
-            "retrain, or use the release that wrote it"
+    data = read_value(folder / "model.json")
+    version = data["format"]
+    if version.integer() != FORMAT_VERSION:
+        raise version.error(
+            f"format version {FORMAT_VERSION}", "retrain, or use the release that wrote it"
         )
-    try:
-        return _assemble(folder, data)
-    except InputError:
-        raise
-    except (KeyError, TypeError, ValueError, RuntimeError, OSError) as error:
-        reason = str(error).splitlines()[0]
-        raise InputError(f"{where}: incomplete or not of these weights ({reason})") from error
-
-
-def _assemble(folder: Path, data: dict[str, Any]) -> DeformationModel:
-    """The model of a folder with the description `data`, after its checksums are verified."""
-    for name, digest in data["sha256"].items():
-        found = _digest_of_description(data) if name == "model.json" else _digest(folder / name)
-        if found != digest:
-            raise InputError(
-                f"{folder / name}: altered since the model was saved (checksum differs); "
-                "restore the file or retrain"
-            )
+    data.check_keys(_KEYS)
+    _check_digests(folder, data)
     mesh = load_mesh(folder / "reference.ply")
-    if connectivity_hash(mesh.faces, len(mesh.vertices)) != data["connectivity"]:
+    V, F = len(mesh.vertices), len(mesh.faces)
+    if connectivity_hash(mesh.faces, V) != data["connectivity"].text():
         raise InputError(
             f"{folder / 'reference.ply'}: its connectivity is not the model's; restore the file"
         )
+    for name, count in (("vertices", V), ("faces", F)):
+        data[name].integer(count, count)
+    tensors = _tensors(folder / "weights.safetensors")
+    codes = tensors["codes"]
+    split = _split(data["split"], len(codes))
+    names = {}
+    for key, name in data["component_names"].entries():
+        if not key.isdecimal() or str(int(key)) != key:
+            raise InputError(f"{name}: expected the index of a component as key; restore the file")
+        names[int(key)] = name.text()
+    bounds = (*data["scaler"]["r"].numbers(2), *data["scaler"]["s"].numbers(2))
+    with _named(folder / "model.json", "config"):
+        config = ModelConfig.from_dict(data["config"].value)
+    with _named(folder / "model.json"):
+        scaler = FeatureScaler(*bounds)
+        noise = data["handle_noise"].number(above=0, most=LARGEST)
+        check_names(names, config.components)
+    with _named(folder / "weights.safetensors"):
+        weights = NetworkWeights.from_arrays(_arrays(tensors, "network."))
+        if (K := weights.C.shape[2]) != config.components:
+            raise data["config"]["components"].error(f"{K}, as the weights have")
+        rigid_prior = _rigid_prior(data["rigid_prior"], tensors)
+        limits = _arrays(tensors, "bend_limits_")
+        return DeformationModel(
+            mesh,
+            config,
+            scaler,
+            weights,
+            codes,
+            LatentPrior(tensors["latent_mean"], tensors["latent_covariance"]),
+            split,
+            _object(data["summary"]),
+            rigid_prior,
+            names,
+            noise,
+            BendLimits(**limits) if limits else None,
+        )
+
+
+@contextmanager
+def _named(path: Path, part: str = "") -> Iterator[None]:
+    """Put the name of a file, and of a part of it, before the message of an InputError."""
     try:
-        tensors = load_file(folder / "weights.safetensors")
-    except SafetensorError as error:
-        raise InputError(f"{folder / 'weights.safetensors'}: unreadable ({error})") from error
-    try:
-        config = ModelConfig.from_dict(data["config"])
+        yield
     except InputError as error:
-        raise InputError(f"{folder / 'model.json'}: config: {error}") from error
-    weights = NetworkWeights.from_arrays(
-        {k.removeprefix("network."): v for k, v in tensors.items() if k.startswith("network.")}
-    )
-    shape = (len(mesh.vertices), config.layers[-1], config.components)
-    if weights.layers != config.layers or weights.C.shape != shape:
-        raise ValueError(f"C: expected {shape}, got {weights.C.shape} of layers {weights.layers}")
-    return DeformationModel(
-        mesh,
-        config,
-        FeatureScaler(*data["scaler"]["r"], *data["scaler"]["s"]),
-        weights,
-        tensors["codes"],
-        LatentPrior(tensors["latent_mean"], tensors["latent_covariance"]),
-        data["split"],
-        data["summary"],
-        _rigid_prior(data["rigid_prior"], tensors),
-        {int(k): str(name) for k, name in data["component_names"].items()},
-        float(data["handle_noise"]),
-        BendLimits(**limits) if (limits := _arrays(tensors, "bend_limits_")) else None,
-    )
+        text = str(error)
+        if not text.startswith(str(path.parent)):
+            text = ": ".join(filter(None, (str(path), part, text)))
+        raise InputError(text) from error
 
 
-def _rigid_prior(
-    deviations: Mapping[str, float] | None, tensors: Mapping[str, NDArray]
-) -> RigidPrior | None:
-    if deviations is None:
+def _check_digests(folder: Path, data: JsonValue) -> None:
+    """Check that all files are those that were saved."""
+    data["sha256"].check_keys(_FILES)
+    for name in _FILES:
+        path = folder / name
+        found = _digest_of_description(data.value) if name == "model.json" else _digest(path)
+        if found != data["sha256"][name].text():
+            raise InputError(
+                f"{path}: altered since the model was saved (checksum differs); "
+                "restore the file or retrain"
+            )
+
+
+def _tensors(path: Path) -> dict[str, NDArray]:
+    """All arrays of a model's weights, whose names and types are checked."""
+    tensors = read_tensors(path)
+    needed = {"codes", "latent_mean", "latent_covariance"}
+    optional = [{"rigid_prior_offset", "rigid_prior_gain"}]
+    optional.append({f"bend_limits_{field.name}" for field in fields(BendLimits)})
+    needed |= set().union(*(group for group in optional if group & set(tensors)))
+    found = {name for name in tensors if not name.startswith("network.")}
+    if found != needed:
+        name = sorted(found ^ needed)[0]
+        what = "missing" if name in needed else "unknown"
+        raise InputError(f"{path}: {name}: {what}; restore the file or retrain")
+    for name, array in tensors.items():
+        kind = np.float32 if name.startswith("network.") else np.float64
+        if array.dtype != kind:
+            raise InputError(
+                f"{path}: {name}: expected {np.dtype(kind)}, got {array.dtype}; restore the file"
+            )
+    return tensors
+
+
+def _rigid_prior(deviations: JsonValue, tensors: Mapping[str, NDArray]) -> RigidPrior | None:
+    if deviations.value is None:
         return None
-    arrays = _arrays(tensors, "rigid_prior_")
-    return RigidPrior(**deviations, offset=arrays.get("offset"), gain=arrays.get("gain"))
+    deviations.check_keys(("rotation", "translation"))
+    rotation, translation = (
+        deviations[n].number(above=0, most=LARGEST) for n in ("rotation", "translation")
+    )
+    return RigidPrior(rotation, translation, **_arrays(tensors, "rigid_prior_"))
+
+
+def _split(value: JsonValue, count: int) -> dict[str, list[int]]:
+    """The indices of training and test shapes; `count` is the number of the former."""
+    value.check_keys((), ("train", "test"))
+    split = {part: indices.integers(0) for part, indices in value.entries()}
+    if "train" in split and len(split["train"]) != count:
+        raise value["train"].error(f"{count} indices, one for each code")
+    return split
+
+
+def _object(value: JsonValue) -> dict[str, Any]:
+    """A JSON object of any contents."""
+    return {key: entry.value for key, entry in value.entries()}
 
 
 def _arrays(tensors: Mapping[str, NDArray], prefix: str) -> dict[str, FloatArray]:

@@ -4,6 +4,7 @@ from .autoencoder import (
 )
 from .config import (
     FEATURES as FEATURES,
+    MOST_EPOCHS as MOST_EPOCHS,
     PRESETS as PRESETS,
     AdamSettings as AdamSettings,
     FactorisationSettings as FactorisationSettings,

@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, ClassVar
 
+from deformer.checks import (
+    LARGEST,
+    checked_choice,
+    checked_flag,
+    checked_integer,
+    checked_number,
+    checked_text,
+    shortened,
+)
 from deformer.errors import InputError
 
 FEATURES = 9
+# The names of checkpoints have seven digits for the epoch.
+MOST_EPOCHS = 9_999_999
 
 
 @dataclass(frozen=True)
@@ -57,29 +68,25 @@ class AdamSettings:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        object.__setattr__(self, "layers", tuple(int(width) for width in self.layers))
-        if not self.layers or min(self.layers) < 1:
-            raise InputError(f"layers: expected positive widths, got {self.layers}")
-        _check_at_least(self, 1, "epochs")
-        _check_at_least(self, 0, "sparsity", "range_weight", "range_limit")
-        _check_at_least(self, 0, "batch", "mixed_shapes")
-        if not self.learning_rate > 0:
-            raise InputError(f"learning_rate: expected above 0, got {self.learning_rate}")
-        for name, allowed in (
-            ("schedule", ("constant", "cosine")),
-            ("initial", ("random", "pca")),
-            ("encoder", ("network", "projection")),
-        ):
-            if getattr(self, name) not in allowed:
-                raise InputError(
-                    f"{name}: expected one of {', '.join(allowed)}, got {getattr(self, name)!r}"
-                )
+        if not isinstance(self.layers, tuple | list) or not self.layers:
+            raise InputError(f"layers: expected positive widths, got {shortened(self.layers)}")
+        widths = tuple(checked_integer(width, "layers", least=1) for width in self.layers)
+        object.__setattr__(self, "layers", widths)
+        checked_integer(self.epochs, "epochs", least=1, most=MOST_EPOCHS)
+        for name in ("sparsity", "range_weight", "range_limit"):
+            checked_number(getattr(self, name), name, least=0, most=LARGEST)
+        for name in ("batch", "mixed_shapes"):
+            checked_integer(getattr(self, name), name, least=0)
+        checked_number(self.learning_rate, "learning_rate", above=0, most=LARGEST)
+        checked_choice(self.schedule, "schedule", ("constant", "cosine"))
+        checked_choice(self.initial, "initial", ("random", "pca"))
+        checked_choice(self.encoder, "encoder", ("network", "projection"))
         if self.encoder == "projection" and len(self.layers) > 1:
             raise InputError(
                 f"encoder: 'projection' needs one layer, got layers {self.layers}; use 'network'"
             )
-        if not 0 <= self.pruning < 1:
-            raise InputError(f"pruning: expected 0 or more and below 1, got {self.pruning}")
+        if checked_number(self.pruning, "pruning", least=0, most=1) == 1:
+            raise InputError("pruning: expected 0 or more and below 1, got 1; correct it")
 
 
 @dataclass(frozen=True)
@@ -107,9 +114,9 @@ class FactorisationSettings:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        _check_at_least(self, 1, "epochs")
+        checked_integer(self.epochs, "epochs", least=1, most=MOST_EPOCHS)
         if self.sparsity is not None:
-            _check_at_least(self, 0, "sparsity")
+            checked_number(self.sparsity, "sparsity", least=0, most=LARGEST)
 
 
 _SETTINGS = {settings.method: settings for settings in (AdamSettings, FactorisationSettings)}
@@ -146,9 +153,18 @@ class ModelConfig:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        _check_at_least(self, 1, "components")
-        if not 0 <= self.d_min < self.d_max:
+        checked_text(self.name, "name")
+        checked_integer(self.components, "components", least=1)
+        methods = tuple(_SETTINGS.values())
+        if not isinstance(self.training, methods):
+            names = " or ".join(method.__name__ for method in methods)
+            raise InputError(f"training: expected {names}, got {shortened(self.training)}")
+        low = checked_number(self.d_min, "d_min", least=0)
+        high = checked_number(self.d_max, "d_max", above=0, most=LARGEST)
+        if not low < high:
             raise InputError(f"d_min < d_max expected, got {self.d_min} and {self.d_max}")
+        for name in ("denoised", "mirrored", "align"):
+            checked_flag(getattr(self, name), name)
 
     @property
     def layers(self) -> tuple[int, ...]:
@@ -184,20 +200,28 @@ class ModelConfig:
         """The configuration that `as_dict` wrote.
 
         Raises:
-            InputError: an unknown method, or a value out of its range.
-            KeyError, TypeError: the values are not those of `as_dict`.
+            InputError: an unknown method, a value out of its range, a missing or unknown key.
         """
-        training = dict(values["training"])
-        method = training.pop("method")
-        if method not in _SETTINGS:
-            raise InputError(f"method: expected one of {', '.join(_SETTINGS)}, got {method!r}")
-        return cls(**{**values, "training": _SETTINGS[method](**training)})
+        training = _complete(values, "training", cls)
+        if not isinstance(training, dict) or "method" not in training:
+            raise InputError(
+                f"training: expected an object with 'method', got {shortened(training)}"
+            )
+        settings = _SETTINGS[checked_choice(training["method"], "method", tuple(_SETTINGS))]
+        training = {key: value for key, value in training.items() if key != "method"}
+        _complete(training, "epochs", settings)
+        return cls(**{**values, "training": settings(**training)})
 
 
-def _check_at_least(settings: object, least: int, *names: str) -> None:
-    for name in names:
-        if not getattr(settings, name) >= least:
-            raise InputError(f"{name}: expected at least {least}, got {getattr(settings, name)}")
+def _complete(values: Any, key: str, kind: type) -> Any:
+    """The value of a key, if `values` has all fields of the dataclass `kind` and none else."""
+    names = {field.name for field in fields(kind)}
+    if not isinstance(values, dict) or set(values) != names:
+        differing = sorted(set(values) ^ names)[0] if isinstance(values, dict) else values
+        raise InputError(
+            f"{kind.__name__}: expected {', '.join(sorted(names))}, not so {shortened(differing)}"
+        )
+    return values[key]
 
 
 PRESETS: dict[str, ModelConfig] = {
@@ -224,10 +248,8 @@ def resolve_config(
     Raises:
         InputError: no such preset, or a value out of its range.
     """
-    if isinstance(config, str):
-        if config not in PRESETS:
-            raise InputError(f"config: expected one of {', '.join(PRESETS)}, got {config!r}")
-        config = PRESETS[config]
+    if not isinstance(config, ModelConfig):
+        config = PRESETS[checked_choice(config, "config", tuple(PRESETS))]
     if epochs is not None:
         config = config.with_training(epochs=epochs)
     changes = {"components": components, "align": align}

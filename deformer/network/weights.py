@@ -9,7 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from deformer.checks import LARGEST, checked_array
+from deformer.errors import InputError
 from deformer.geometry import IntArray
+from deformer.network.config import FEATURES
 
 Weights = NDArray[np.float32]
 
@@ -30,6 +33,18 @@ class ConvolutionWeights:
     bias: Weights
     bias_back: Weights
 
+    def check(self, name: str, width: int) -> int:
+        """Check shapes and numbers for features of a width d; returns the width d'.
+
+        Raises:
+            InputError: other shapes, or numbers that are not finite; `name` comes first.
+        """
+        to = len(self.point) if np.ndim(self.point) else 0
+        shapes = {"point": (to, width), "neighbour": (to, width), "bias": (to,)}
+        for field, shape in {**shapes, "bias_back": (width,)}.items():
+            _check_weights(f"{name}.{field}", getattr(self, field), shape)
+        return to
+
 
 @dataclass(frozen=True, eq=False)
 class NetworkWeights:
@@ -42,6 +57,19 @@ class NetworkWeights:
 
     convolutions: tuple[ConvolutionWeights, ...]
     C: Weights
+
+    def __post_init__(self) -> None:
+        """Check that the layers fit each other.
+
+        Raises:
+            InputError: no layer, other shapes, or numbers that are not finite.
+        """
+        width = FEATURES
+        if not self.convolutions:
+            raise InputError("network: no 'convs.0.point', expected at least one layer; retrain")
+        for depth, convolution in enumerate(self.convolutions):
+            width = convolution.check(f"network.convs.{depth}", width)
+        _check_weights("network.C", self.C, ("V", width, "K"))
 
     @property
     def arrays(self) -> dict[str, Weights]:
@@ -57,15 +85,18 @@ class NetworkWeights:
         """Weights from arrays by name: the inverse of the property `arrays`.
 
         Raises:
-            KeyError: an array is missing.
+            InputError: an array is missing, unknown, of another shape, or not finite.
         """
-        depth = len({name.split(".")[1] for name in arrays if name.startswith("convs.")})
+        depth = max(1, len({name.split(".")[1] for name in arrays if name.startswith("convs.")}))
+        fields = ("point", "neighbour", "bias", "bias_back")
+        expected = {"C", *(f"convs.{n}.{field}" for n in range(depth) for field in fields)}
+        if set(arrays) != expected:
+            name = sorted(set(arrays) ^ expected)[0]
+            what = "missing" if name in expected else "unknown"
+            raise InputError(f"network.{name}: {what}; restore the file or retrain")
         convolutions = (
             ConvolutionWeights(
-                *(
-                    np.asarray(arrays[f"convs.{n}.{name}"], dtype=np.float32)
-                    for name in ("point", "neighbour", "bias", "bias_back")
-                )
+                *(np.asarray(arrays[f"convs.{n}.{name}"], dtype=np.float32) for name in fields)
             )
             for n in range(depth)
         )
@@ -81,6 +112,11 @@ class NetworkWeights:
         strength = np.linalg.norm(self.C, axis=1, keepdims=True)
         small = strength < share * strength.max(axis=0)
         return replace(self, C=np.where(small, np.float32(0.0), self.C))
+
+
+def _check_weights(name: str, array: Weights, shape: tuple[int | str, ...]) -> None:
+    remedy = "restore the file, or train again with a lower learning rate"
+    checked_array(array, name, shape, largest=LARGEST, remedy=remedy)
 
 
 def ring_mean(indptr: IntArray, rings: IntArray) -> sparse.csr_array:

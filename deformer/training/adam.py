@@ -146,7 +146,13 @@ class _Descent:
                 tensors[f"adam.{index}.{name}"] = value
         tensors["generator"] = self._generator.get_state()
         arrays = {name: value.detach().cpu().numpy() for name, value in tensors.items()}
-        return {"loss": self.loss, "reconstruction": self.reconstruction}, arrays
+        for index, weights in enumerate(self._optimiser.param_groups[0]["params"]):
+            # Before the first step the optimiser has none of them.
+            for name in ("exp_avg", "exp_avg_sq"):
+                arrays.setdefault(f"adam.{index}.{name}", np.zeros(weights.shape, np.float32))
+            arrays.setdefault(f"adam.{index}.step", np.zeros((), np.float32))
+        terms = {"loss": self.loss, "reconstruction": self.reconstruction}
+        return {k: v if np.isfinite(v) else None for k, v in terms.items()}, arrays
 
     def restore(self, status: dict[str, Any], arrays: dict[str, NDArray]) -> None:
         tensors = {name: torch.tensor(array) for name, array in arrays.items()}
@@ -161,7 +167,8 @@ class _Descent:
         groups = self._optimiser.state_dict()["param_groups"]
         self._optimiser.load_state_dict({"state": state, "param_groups": groups})
         self._generator.set_state(tensors["generator"])
-        self.loss, self.reconstruction = status["loss"], status["reconstruction"]
+        terms = (np.inf if status[k] is None else status[k] for k in ("loss", "reconstruction"))
+        self.loss, self.reconstruction = terms
 
 
 def _with_prefix(tensors: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:

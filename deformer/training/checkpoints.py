@@ -6,19 +6,26 @@ before it has one file of arrays.
 
 from __future__ import annotations
 
-import errno
 import json
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors import SafetensorError, safe_open
-from safetensors.numpy import load_file, save_file
 
 from deformer.errors import InputError
-from deformer.io import atomic_path, check_directory
+from deformer.io import (
+    JsonValue,
+    atomic_path,
+    check_directory,
+    read_metadata,
+    read_tensors,
+    read_value,
+    write_tensors,
+)
+from deformer.network import MOST_EPOCHS
 
 _FORMAT = 1
 _FILE = "checkpoint.json"
@@ -78,9 +85,9 @@ def save_checkpoint(
     folder.mkdir(parents=True, exist_ok=True)
     # The arrays have the epoch in their file name, and the JSON, written last, contains that name:
     # a crash between the two leaves the previous pair valid.
-    name = f"epoch-{status['epoch']:07d}.safetensors"
+    name = _arrays_name(status["epoch"])
     with atomic_path(folder / name) as path:
-        _write(path, arrays)
+        write_tensors(path, arrays)
     text = json.dumps({"format": _FORMAT, "identity": identity, **status, "arrays": name}, indent=1)
     with atomic_path(folder / _FILE) as path:
         path.write_text(text + "\n")
@@ -106,14 +113,35 @@ def load_checkpoint(
     where = folder / _FILE
     if not where.is_file():
         raise InputError(f"{where}: no checkpoint to resume; start without --resume")
-    try:
-        status = json.loads(where.read_text())
-        arrays = load_file(folder / status["arrays"])
-        written = {"format": status["format"], **status["identity"]}
-    except (ValueError, KeyError, OSError, SafetensorError) as error:
-        raise _unreadable(where, error) from error
+    data = read_value(where)
+    epoch = data["epoch"].integer(0, MOST_EPOCHS)
+    data["seconds"].number(least=0)
+    name = _arrays_name(epoch)
+    data["arrays"].choice((name,))
+    written = dict(data["identity"].entries(), format=data["format"])
     _compare(where, written, {"format": _FORMAT, **identity})
-    return status, arrays
+    return data.value, read_tensors(folder / name)
+
+
+def check_arrays(
+    folder: Path | None, found: Mapping[str, NDArray], expected: Mapping[str, NDArray]
+) -> None:
+    """Check the arrays of a checkpoint against those that the training has at its start.
+
+    Args:
+        folder: the checkpoint's folder, for messages.
+        found: name → array.
+        expected: name → array of the shape and the dtype that `found` must have.
+
+    Raises:
+        InputError: an array is missing, unknown, of another kind, or not finite.
+    """
+    for name in sorted({*found, *expected}):
+        array, example = found.get(name), expected.get(name)
+        what, got = _kind(example), _kind(array)
+        if array is None or what != got or not np.isfinite(array).all():
+            got = got.removeprefix("finite ")
+            raise InputError(f"{folder}: {name}: expected {what}, got {got}; delete the checkpoint")
 
 
 class Stages:
@@ -137,21 +165,13 @@ class Stages:
         if self._folder is None or not (where := _stage(self._folder, name)).is_file():
             return None
         self.check(name)
-        try:
-            return load_file(where)
-        except (OSError, SafetensorError) as error:
-            raise _unreadable(where, error) from error
+        return read_tensors(where)
 
     def check(self, name: str) -> None:
         """Raise the InputError of `load`, without reading the arrays."""
         if self._folder is None or not (where := _stage(self._folder, name)).is_file():
             return
-        try:
-            with safe_open(where, "numpy") as file:
-                written = json.loads(file.metadata()["identity"])
-        except (ValueError, KeyError, TypeError, OSError, SafetensorError) as error:
-            raise _unreadable(where, error) from error
-        _compare(where, written, self._identity)
+        _compare(where, dict(read_metadata(where, "identity").entries()), self._identity)
 
     def save(self, name: str, arrays: dict[str, NDArray]) -> None:
         """Keep the arrays of a stage, in place of earlier ones."""
@@ -159,7 +179,7 @@ class Stages:
             return
         self._folder.mkdir(parents=True, exist_ok=True)
         with atomic_path(_stage(self._folder, name)) as path:
-            _write(path, arrays, {"identity": json.dumps(self._identity)})
+            write_tensors(path, arrays, {"identity": json.dumps(self._identity)})
 
 
 def check_identity(folder: str | Path, identity: dict[str, Any]) -> None:
@@ -184,21 +204,20 @@ def _stage(folder: str | Path, name: str) -> Path:
     return Path(folder) / f"{name}.safetensors"
 
 
-def _write(path: Path, arrays: dict[str, NDArray], metadata: dict[str, str] | None = None) -> None:
-    contiguous = {name: np.asarray(array, order="C") for name, array in arrays.items()}
-    try:
-        save_file(contiguous, path, metadata)
-    except SafetensorError as error:  # a full disk
-        raise OSError(errno.EIO, str(error)) from error
+def _kind(array: NDArray | None) -> str:
+    return "nothing" if array is None else f"finite {array.dtype} {array.shape}"
 
 
-def _unreadable(where: Path, error: Exception) -> InputError:
-    return InputError(f"{where}: not a readable checkpoint ({error}); delete it")
+def _arrays_name(epoch: int) -> str:
+    """Name of the file of arrays after an epoch."""
+    return f"epoch-{epoch:07d}.safetensors"
 
 
-def _compare(where: Path, written: dict[str, Any], identity: dict[str, Any]) -> None:
+def _compare(where: Path, written: dict[str, JsonValue], identity: dict[str, Any]) -> None:
     """Raise InputError if a value of `identity` is not the one that was written."""
-    differing = [key for key, value in identity.items() if written.get(key) != value]
+    differing = [
+        k for k, value in identity.items() if k not in written or written[k].value != value
+    ]
     if differing:
         raise InputError(
             f"{where}: made with other {', '.join(differing)}; "

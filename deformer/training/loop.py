@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from deformer.geometry import FloatArray
 from deformer.network import ModelConfig, NetworkWeights
-from deformer.training.checkpoints import load_checkpoint, save_checkpoint
+from deformer.training.checkpoints import check_arrays, load_checkpoint, save_checkpoint
 from deformer.training.interrupts import DeferredInterrupt
 
 _CHECKPOINT_SECONDS = 30.0
@@ -78,7 +78,7 @@ class Trainee(Protocol):
         ...
 
     def state(self) -> State:
-        """All that later steps depend on."""
+        """All that later steps depend on; before `start` its arrays have their final shapes."""
         ...
 
     def restore(self, status: dict[str, Any], arrays: dict[str, NDArray]) -> None:
@@ -140,6 +140,7 @@ def run_training(
     epoch, seconds = 0, 0.0
     if resume:
         status, arrays = load_checkpoint(checkpoint, identity)
+        check_arrays(checkpoint, arrays, trainee.state()[1])
         trainee.restore(status, arrays)
         epoch, seconds = status["epoch"], status["seconds"]
     else:

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from deformer.checks import checked_array
 from deformer.editing import HandleSolver
 from deformer.geometry import FloatArray, IntArray
 from deformer.network import ModelConfig
@@ -79,6 +80,9 @@ class SettingsSearch:
         for sparsity in self._sparsities:
             key = str(sparsity)
             if key in trials:
+                found = trials[key]
+                lengths = (0,), (len(HANDLE_NOISES),)
+                checked_array(found, f"trials: {key}", *lengths, remedy="delete the checkpoint")
                 self._done += self._total // len(self._sparsities)
             else:
                 trials[key] = self._errors(sparsity)

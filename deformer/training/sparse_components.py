@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deformer.checks import checked_indices
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
 from deformer.network import locality_row
@@ -189,7 +190,10 @@ class Factorisation:
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Continue from a `state` of the same problem."""
         self.W, self.C, self._dual = (state[name].copy() for name in ("W", "C", "dual"))
-        self.centres = state["centres"].copy()
+        remedy = "delete the checkpoint"
+        self.centres = checked_indices(
+            state["centres"], "checkpoint: centres", self._sites, what="vertex", remedy=remedy
+        )
         for k, site in enumerate(self.centres.tolist()):
             self._penalty[k] = self._length_weights(self._locality(site))
 

@@ -115,7 +115,10 @@ def train(
             if not resume:
                 remove_checkpoint(folder)
         if (kept := stages.load("features")) is not None:
-            examples = TrainingSet.restore(kept, base.faces)
+            try:
+                examples = TrainingSet.restore(kept, base.faces)
+            except InputError as error:
+                raise InputError(f"{checkpoint}: features: {error}") from error
         else:
             examples = TrainingSet.prepare(chosen, base, reference_index, settings, on_features)
             stages.save("features", examples.arrays)

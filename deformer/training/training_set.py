@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deformer.acap import FeatureExtractor, FeatureScaler, extract_all
+from deformer.checks import LARGEST, checked_array, checked_number
+from deformer.errors import InputError
 from deformer.geometry import FloatArray, Geodesics, IntArray, Mesh, MeshSequence, align
 from deformer.model import (
     DeformationModel,
@@ -90,13 +92,24 @@ class TrainingSet:
 
     @classmethod
     def restore(cls, arrays: Mapping[str, NDArray], faces: IntArray) -> TrainingSet:
-        """The set with these `arrays`, of shapes with these faces (F, 3)."""
+        """The set with these `arrays`, of shapes with these faces (F, 3).
+
+        Raises:
+            InputError: an array is missing, of another shape, or not finite.
+        """
+        names = ("vertices", "reference", "scaler", "x", "noise")
+        if set(arrays) != set(names):
+            differing = sorted(set(arrays) ^ set(names))[0]
+            raise InputError(f"{differing}: expected {', '.join(names)}; delete the checkpoint")
+        shapes = MeshSequence(arrays["vertices"], faces)
+        (N, V), remedy = shapes.vertices.shape[:2], "delete the checkpoint"
+        counts = ((N, V, 9), (2 * N, V, 9))
         return cls(
-            MeshSequence(arrays["vertices"], faces),
-            FeatureExtractor(Mesh(arrays["reference"], faces)),
-            FeatureScaler(*arrays["scaler"].tolist()),
-            arrays["x"],
-            float(arrays["noise"]),
+            shapes,
+            FeatureExtractor(Mesh(checked_array(arrays["reference"], "reference", (V, 3)), faces)),
+            FeatureScaler(*checked_array(arrays["scaler"], "scaler", (4,)).tolist()),
+            checked_array(arrays["x"], "x", *counts, largest=LARGEST, remedy=remedy),
+            checked_number(arrays["noise"], "noise", least=0, remedy=remedy),
         )
 
     @property

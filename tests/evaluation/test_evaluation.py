@@ -333,8 +333,29 @@ def _alive(group):
     return False
 
 
+def result_row(**changes):
+    texts = dict.fromkeys(COLUMNS, "x")
+    return {**texts, "count": 5, "seed": 0, "value": 0.5, **changes}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        *({"count": 1.5}, {"count": True}, {"seed": -1}, {"value": None}, {"value": [1]}),
+        *({"method": 3}, {"value": 10**400}, {"metric": "failure", "value": 1.0}, {"more": 1}),
+    ],
+)
+def test_rows_of_a_journal_are_checked(tmp_path, change):
+    path = tmp_path / "journal.jsonl"
+    Journal(path).add("first", [result_row(), result_row(value="why", metric="failure")])
+    assert len(Journal(path)["first"]) == 2
+    path.write_text(json.dumps({"key": "a", "rows": [result_row(**change)]}) + "\n")
+    with pytest.raises(InputError, match=r"journal\.jsonl, line 1: rows\[0\]"):
+        Journal(path)
+
+
 def test_a_line_that_a_crash_cut_off_is_dropped(tmp_path):
-    row = dict.fromkeys(COLUMNS, 0)
+    row = result_row()
     path = tmp_path / "journal.jsonl"
     Journal(path).add("first", [row])
     with path.open("ab") as file:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from deformer.errors import InputError
 from deformer.geometry.mesh import one_rings
 from deformer.network.autoencoder import MeshAutoencoder
 from deformer.network.weights import NetworkWeights, ring_mean
@@ -43,7 +44,7 @@ def test_weights_do_not_follow_a_network_that_goes_on_learning():
 def test_missing_weights_are_refused():
     arrays = dict(random_weights(tube(), (7, 5))[0].arrays)
     del arrays["convs.1.bias"]
-    with pytest.raises(KeyError):
+    with pytest.raises(InputError, match=r"convs\.1\.bias: missing"):
         NetworkWeights.from_arrays(arrays)
 
 

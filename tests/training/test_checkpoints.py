@@ -1,12 +1,17 @@
-"""The folder of a checkpoint: which files of it are the program's to replace and to remove."""
+"""The folder of a checkpoint: which of its files are the program's, and what is refused there."""
+
+import json
 
 import numpy as np
 import pytest
 
 from deformer import InputError
 from deformer.training.checkpoints import (
+    Stages,
+    check_arrays,
     check_checkpoint,
     has_checkpoint,
+    load_checkpoint,
     remove_checkpoint,
     save_checkpoint,
 )
@@ -14,7 +19,9 @@ from deformer.training.checkpoints import (
 
 @pytest.fixture
 def folder(tmp_path):
-    save_checkpoint(tmp_path / "run", {"what": "test"}, {"epoch": 3}, {"total": np.arange(3)})
+    save_checkpoint(
+        tmp_path / "run", {"what": "test"}, {"epoch": 3, "seconds": 1.0}, {"total": np.arange(3)}
+    )
     return tmp_path / "run"
 
 
@@ -41,3 +48,63 @@ def test_a_file_in_its_place_is_refused(tmp_path):
     with pytest.raises(InputError, match="is a file"):
         check_checkpoint(tmp_path / "run")
     assert (tmp_path / "run").read_text() == "keep me"
+
+
+def test_a_checkpoint_is_read_back(folder):
+    status, arrays = load_checkpoint(folder, {"what": "test"})
+    assert (status["epoch"], status["seconds"]) == (3, 1.0)
+    assert arrays["total"].tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("epoch", -1),
+        ("epoch", 3.0),
+        ("epoch", 10**8),
+        ("epoch", "3"),
+        ("seconds", None),
+        ("seconds", -1),
+        ("seconds", 10**400),
+        ("arrays", "../../secret.safetensors"),
+        ("arrays", 3),
+        ("identity", []),
+        ("identity", {}),
+        ("format", 99),
+    ],
+)
+def test_damaged_descriptions_are_refused(folder, key, value):
+    path = folder / "checkpoint.json"
+    data = json.loads(path.read_text())
+    path.write_text(json.dumps({**data, key: value}))
+    with pytest.raises(InputError, match=r"checkpoint\.json: ") as caught:
+        load_checkpoint(folder, {"what": "test"})
+    assert len(str(caught.value).removeprefix(str(path))) < 200
+
+
+@pytest.mark.parametrize("content", [b"", bytes(50), b"[" * 10**5, b"{\xff}", b"3"])
+def test_files_that_are_none_are_refused(folder, content):
+    (folder / "checkpoint.json").write_bytes(content)
+    with pytest.raises(InputError, match=r"checkpoint\.json"):
+        load_checkpoint(folder, {})
+    stages = Stages(folder, {})
+    (folder / "features.safetensors").write_bytes(content)
+    for read in (stages.load, stages.check):
+        with pytest.raises(InputError, match=r"features\.safetensors"):
+            read("features")
+
+
+def test_arrays_of_another_training_are_refused(tmp_path):
+    expected = {"a": np.zeros((2, 3)), "n": np.zeros(2, dtype=np.int64)}
+    check_arrays(tmp_path, {name: array + 1 for name, array in expected.items()}, expected)
+    for change in (
+        {"a": np.zeros((3, 2))},
+        {"a": np.zeros((2, 3), dtype=np.float32)},
+        {"a": np.full((2, 3), np.nan)},
+        {"n": np.zeros(2)},
+        {"b": np.zeros(1)},
+    ):
+        with pytest.raises(InputError, match=f"{next(iter(change))}: expected"):
+            check_arrays(tmp_path, {**expected, **change}, expected)
+    with pytest.raises(InputError, match="n: expected finite int64"):
+        check_arrays(tmp_path, {"a": expected["a"]}, expected)

@@ -1,0 +1,84 @@
+"""Files of named arrays in the format safetensors, which contains no code."""
+
+from __future__ import annotations
+
+import errno
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import load_file, save_file
+
+from deformer.errors import InputError
+from deformer.io.atomic import check_file
+from deformer.io.json_values import JsonValue, parse_value
+
+# Bytes of the JSON header, which names the arrays. The largest that this program writes has a few
+# thousand; a parser takes many times the memory of its text.
+_LONGEST_HEADER = 1_000_000
+
+
+def read_tensors(path: Path) -> dict[str, NDArray]:
+    """Arrays of a file by their names.
+
+    Raises:
+        InputError: the file is missing or damaged; a declared size that is not the file's is both.
+    """
+    _check_header(path)
+    try:
+        return load_file(path)
+    except Exception as error:  # of several kinds, and not documented
+        raise _damaged(path, error) from error
+
+
+def read_metadata(path: Path, name: str) -> JsonValue:
+    """The JSON object that `write_tensors` was given as metadata of that name.
+
+    Raises:
+        InputError: the file is missing or damaged, or has no such metadata.
+    """
+    _check_header(path)
+    try:
+        with safe_open(path, "numpy") as file:
+            text = (file.metadata() or {}).get(name)
+    except Exception as error:  # as above
+        raise _damaged(path, error) from error
+    if text is None:
+        raise InputError(f"{path}: no {name!r} in its header; delete or restore the file")
+    return parse_value(text, f"{path}: {name}")
+
+
+def write_tensors(
+    path: Path, arrays: Mapping[str, NDArray], metadata: dict[str, str] | None = None
+) -> None:
+    """Write arrays by name.
+
+    Raises:
+        OSError: writing failed.
+    """
+    contiguous = {name: np.asarray(array, order="C") for name, array in arrays.items()}
+    try:
+        save_file(contiguous, path, metadata)
+    except SafetensorError as error:  # a full disk, for example
+        found = re.search(r"os error (\d+)", str(error))
+        number = int(found[1]) if found else errno.EIO
+        raise OSError(number, str(error).removeprefix("Error while serializing: ")) from error
+
+
+def _check_header(path: Path) -> None:
+    check_file(path)
+    with path.open("rb") as file:
+        length = int.from_bytes(file.read(8), "little")
+    if length > _LONGEST_HEADER:
+        raise InputError(
+            f"{path}: a header of {length} bytes, expected at most {_LONGEST_HEADER}; "
+            "restore the file"
+        )
+
+
+def _damaged(path: Path, error: Exception) -> InputError:
+    reason = " ".join(str(error).split()) or type(error).__name__
+    return InputError(f"{path}: damaged ({reason}); restore the file")
