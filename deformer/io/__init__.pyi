@@ -30,7 +30,6 @@ from .meshes import (
     shape_files as shape_files,
     write_npz as write_npz,
 )
-from .preflight import examine as examine
 from .tensors import (
     read_metadata as read_metadata,
     read_tensors as read_tensors,
