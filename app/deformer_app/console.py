@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import _thread
+import ctypes
 import dataclasses
 import json
 import logging
 import math
 import os
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -42,6 +46,12 @@ def run(app: typer.Typer, arguments: list[str] | None = None) -> int:
     log.setLevel(logging.INFO)
     given = sys.argv[1:] if arguments is None else arguments
     given = given or ["--help"]
+    with _CtrlC() as ctrl_c:
+        return _status(app, given, ctrl_c)
+
+
+def _status(app: typer.Typer, given: list[str], ctrl_c: _CtrlC) -> int:
+    """Exit status of the command; see `run`."""
     try:
         status = app(args=given, prog_name="deformer", standalone_mode=False)
         if status == INTERRUPTED:  # typer's answer to Ctrl-C
@@ -57,10 +67,53 @@ def run(app: typer.Typer, arguments: list[str] | None = None) -> int:
     except Exception as error:
         message = _users_mistake(error)
         if message is None:
+            if ctrl_c.pressed:  # a library has made another exception of it
+                print("deformer: interrupted", file=sys.stderr)
+                return INTERRUPTED
             raise
         print("deformer:", " ".join(message.split()), file=sys.stderr)
         return MISTAKE
     return status if isinstance(status, int) else 0
+
+
+class _CtrlC:
+    """Within the block, Ctrl-C raises KeyboardInterrupt, also where Python would ignore it.
+
+    Attributes:
+        pressed: true after Ctrl-C.
+    """
+
+    pressed = False
+
+    def __enter__(self) -> _CtrlC:
+        """Replace the handling of Ctrl-C, unless it is ignored or not this thread's."""
+        self._hook, self._handler = sys.unraisablehook, signal.getsignal(signal.SIGINT)
+        main = threading.current_thread() is threading.main_thread()
+        self._active = main and callable(self._handler)
+        if self._active:
+            signal.signal(signal.SIGINT, self._press)
+            sys.unraisablehook = self._again
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Restore the handling of Ctrl-C."""
+        if self._active:
+            sys.unraisablehook = self._hook
+            signal.signal(signal.SIGINT, self._handler)
+
+    def _press(self, number: int, frame: object) -> None:
+        self.pressed = True
+        raise KeyboardInterrupt
+
+    def _again(self, unraisable: Any) -> None:
+        """Repeat an interrupt that came in a callback or destructor, from where it cannot get out.
+
+        Imports have many such callbacks.
+        """
+        if isinstance(unraisable.exc_value, KeyboardInterrupt):
+            threading.Timer(0.01, _thread.interrupt_main).start()
+        else:
+            self._hook(unraisable)
 
 
 def _users_mistake(error: Exception) -> str | None:
@@ -163,11 +216,24 @@ def brief(value: Any) -> str:
     return str(value)
 
 
-def has_screen() -> bool:
-    """True where a window can be opened: on Linux and its like, where a display is named."""
+def screen_fault() -> str | None:
+    """Reason why no window can be opened; None where nothing speaks against it."""
     if sys.platform in ("win32", "darwin"):
-        return True
-    return any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")))
+        return None
+    display, platform = (os.environ.get(name) for name in ("DISPLAY", "QT_QPA_PLATFORM"))
+    if os.environ.get("WAYLAND_DISPLAY") or platform not in (None, "", "xcb"):
+        return None
+    if not display:
+        return None if platform else "DISPLAY is not set"
+    try:
+        xcb = ctypes.CDLL("libxcb.so.1")
+    except OSError:
+        return None  # not known; what draws needs it and will say so
+    xcb.xcb_connect.restype = ctypes.c_void_p
+    connection = ctypes.c_void_p(xcb.xcb_connect(None, None))
+    failed = xcb.xcb_connection_has_error(connection)
+    xcb.xcb_disconnect(connection)
+    return f"no X server answers at DISPLAY={display}" if failed else None
 
 
 def _progress(*columns: str) -> Progress:

@@ -1,13 +1,18 @@
-"""The entry point of the `deformer` command; it says what to install where packages are missing."""
+"""The entry point of the `deformer` command: Ctrl-C at any time, and what to install if missing."""
 
 from __future__ import annotations
 
 import gc
+import os
+import signal
 import sys
 
 
 def main() -> None:
     """Run the command line; exit with 2 and one line where one of its packages is missing."""
+    # Unless a shell has the command ignore Ctrl-C. `console.run` replaces this while there is work.
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _leave)
     # Imports make a few hundred thousand objects that stay: looking through them for garbage again
     # and again takes a twentieth of the time of a short command.
     gc.set_threshold(50_000, 20, 20)
@@ -21,3 +26,12 @@ def main() -> None:
         print(message, file=sys.stderr)
         sys.exit(2)
     run()
+
+
+def _leave(number: int, frame: object) -> None:
+    """End before or after the work, when there is nothing to save.
+
+    An exception could become another one in the module that is being imported.
+    """
+    os.write(2, b"deformer: interrupted\n")
+    os._exit(130)

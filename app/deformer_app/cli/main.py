@@ -336,26 +336,37 @@ def edit(
     """
     from deformer import InputError
     from deformer_app.viewer.model_files import first_model
+    from deformer_app.viewer.settings import EditInterrupted
 
     # Mistakes come as a line on the terminal, before there is a window.
     opened = first_model(model, session)
-    if not console.has_screen():
+    if fault := console.screen_fault():
         raise InputError(
-            "edit: there is no screen to open a window on (DISPLAY is not set); `deformer fit` and "
+            f"edit: there is no screen to open a window on ({fault}); `deformer fit` and "
             "`deformer demo` need none"
         )
-    if plain:
-        from deformer_app.viewer.plain import PlainWindow
+    try:
+        if plain:
+            from deformer_app.viewer.plain import PlainWindow
 
-        edited = PlainWindow(*opened, session).run()
-    else:
-        try:
-            from deformer_app.viewer.qt.start import run_editor
-        except ImportError as error:
-            raise InputError(
-                f'edit: the window needs Qt ({error}); pip install "deformer[app]", or add --plain'
-            ) from error
-        edited = run_editor(*opened, session)
+            edited = PlainWindow(*opened, session).run()
+        else:
+            try:
+                from deformer_app.viewer.qt.start import run_editor
+            except ImportError as error:
+                raise InputError(
+                    f'edit: the window needs Qt ({error}); pip install "deformer[app]", or add '
+                    "--plain"
+                ) from error
+            edited = run_editor(*opened, session)
+    except EditInterrupted as interrupt:
+        if interrupt.kept is None:
+            raise
+        console.note(
+            "Interrupted: the unsaved session is kept; to go on: "
+            + shlex.join(["deformer", "edit", "--session", str(interrupt.kept)])
+        )
+        raise console.Interrupted from None
     if as_json and edited is not None:
         console.emit(edited.summary())
 

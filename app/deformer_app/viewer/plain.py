@@ -24,6 +24,7 @@ from deformer_app.viewer.events import KeyPressed
 from deformer_app.viewer.help import help_text
 from deformer_app.viewer.scene import MeshView
 from deformer_app.viewer.session import Session
+from deformer_app.viewer.settings import EditInterrupted, Settings
 from deformer_app.viewer.vtk_input import listen
 
 _PREPARING = "Deformer (preparing)"
@@ -63,7 +64,20 @@ class PlainWindow:
         self._show_status()
 
     def run(self) -> Session:
-        """Serve the window until it is closed; the session."""
+        """Serve the window until it is closed; the session.
+
+        Raises:
+            EditInterrupted: Ctrl-C in the terminal.
+        """
+        try:
+            self._serve()
+        except KeyboardInterrupt:
+            raise EditInterrupted(self._keep()) from None
+        self.editor.close()
+        self.plotter.close()
+        return self.editor.session
+
+    def _serve(self) -> None:
         interactor = self.plotter.iren
         while self._open:
             interactor.process_events()
@@ -71,9 +85,15 @@ class PlainWindow:
             # Drawing holds Python's lock, so that on a busy machine the solver would never run.
             frame = self.editor.state.view.frame_milliseconds / 1000
             time.sleep(max(_PAUSE, frame) if self.editor.preparing else _PAUSE)
-        self.editor.close()
-        self.plotter.close()
-        return self.editor.session
+
+    def _keep(self) -> Path | None:
+        """Write unsaved work where the full window keeps its own; return the file."""
+        if not self.editor.session.changed:
+            return None
+        settings = Settings()
+        self.editor.write_copy(settings.autosave)
+        settings.close(keep=True)
+        return settings.autosave
 
     def _exit(self, *_: Any) -> None:
         self._open = False

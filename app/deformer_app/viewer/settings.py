@@ -14,6 +14,19 @@ from deformer import InputError, io
 _RECENT = 10
 
 
+class EditInterrupted(KeyboardInterrupt):
+    """Ctrl-C in the terminal of a window.
+
+    Args:
+        kept: the autosave with the unsaved session; None if nothing was unsaved.
+    """
+
+    def __init__(self, kept: Path | None) -> None:
+        """Store the path."""
+        super().__init__()
+        self.kept = kept
+
+
 class Settings:
     """Settings and autosaves in the program's own folder.
 
@@ -101,9 +114,14 @@ class Settings:
         """Delete an autosave."""
         path.unlink(missing_ok=True)
 
-    def close(self) -> None:
-        """Delete this run's autosave at a regular end."""
-        self.forget(self.autosave)
+    def close(self, keep: bool = False) -> None:
+        """Release this run's autosave, and delete it at a regular end.
+
+        Args:
+            keep: true to keep the autosave, as a crash does; the next window offers it.
+        """
+        if not keep:
+            self.forget(self.autosave)
         if self._lock is not None:
             self._lock.release()
             Path(self._lock.lock_file).unlink(missing_ok=True)

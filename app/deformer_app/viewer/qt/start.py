@@ -7,14 +7,28 @@ on the screen and says so; the editor's window then replaces it. This module imp
 from __future__ import annotations
 
 import importlib
+import os
+import signal
+import socket
 import sys
 import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-from PySide6.QtCore import QEventLoop, Qt, QTimer
+from PySide6.QtCore import (
+    QEventLoop,
+    QSocketNotifier,
+    Qt,
+    QTimer,
+    QtMsgType,
+    qInstallMessageHandler,
+)
 from PySide6.QtGui import QFont
 from PySide6.QtWidgets import QApplication, QLabel, QProgressBar, QVBoxLayout, QWidget
+
+from deformer_app.viewer.settings import EditInterrupted, Settings
 
 if TYPE_CHECKING:
     from deformer_app.viewer.session import Session
@@ -62,6 +76,81 @@ class _Importing(threading.Thread):
             self.error = error
 
 
+class _CtrlC:
+    """Ctrl-C in the terminal, as something that Qt's loop hears.
+
+    Attributes:
+        pressed: true after Ctrl-C.
+    """
+
+    def __init__(self) -> None:
+        """Nobody listens yet."""
+        self.pressed = False
+        self._listener: Callable[[], object] = lambda: None
+
+    def heard_by(self, listener: Callable[[], object]) -> None:
+        """Have `listener` called in Qt's loop, in place of the one before."""
+        self._listener = listener
+        self.tell()
+
+    def press(self, number: int, frame: object) -> None:
+        """Handle the signal: Python may be anywhere, so only note it."""
+        self.pressed = True
+
+    def tell(self) -> None:
+        """Call the listener after Ctrl-C."""
+        if self.pressed:
+            self._listener()
+
+
+@contextmanager
+def _ctrl_c() -> Iterator[_CtrlC]:
+    """Within the block, Ctrl-C wakes Qt's loop, which would else not give Python its turn."""
+    found, previous = _CtrlC(), signal.getsignal(signal.SIGINT)
+    if not callable(previous):  # a shell has the command ignore it
+        yield found
+        return
+    reader, writer = socket.socketpair()
+    for end in (reader, writer):
+        end.setblocking(False)
+    notifier = QSocketNotifier(reader.fileno(), QSocketNotifier.Type.Read)
+
+    def woken() -> None:
+        reader.recv(64)
+        found.tell()
+
+    notifier.activated.connect(woken)
+    wakeup = signal.set_wakeup_fd(writer.fileno(), warn_on_full_buffer=False)
+    signal.signal(signal.SIGINT, found.press)
+    try:
+        yield found
+    finally:
+        signal.signal(signal.SIGINT, previous)
+        signal.set_wakeup_fd(wakeup)
+        notifier.setEnabled(False)
+        reader.close()
+        writer.close()
+
+
+@contextmanager
+def _fatal_messages_told() -> Iterator[None]:
+    """Within the block, what makes Qt abort is one line on stderr and exit status 2."""
+    told: list[str] = []
+
+    def hear(kind: QtMsgType, context: object, text: str) -> None:
+        told.append(text)
+        if kind == QtMsgType.QtFatalMsg:  # Qt aborts the process after this
+            line = " ".join(told[0].split())
+            os.write(2, f"deformer: edit: no window can be opened: {line}\n".encode())
+            os._exit(2)
+
+    before = qInstallMessageHandler(hear)
+    try:
+        yield
+    finally:
+        qInstallMessageHandler(before)
+
+
 def run_editor(model: str, saved: Session | None, path: Path | None) -> Session | None:
     """Show the editor until its window is closed.
 
@@ -72,8 +161,19 @@ def run_editor(model: str, saved: Session | None, path: Path | None) -> Session 
 
     Returns:
         The session; None if the window was closed before there was one.
+
+    Raises:
+        EditInterrupted: Ctrl-C in the terminal.
     """
-    app = cast(QApplication, QApplication.instance() or QApplication(sys.argv[:1]))
+    with _fatal_messages_told():
+        app = cast(QApplication, QApplication.instance() or QApplication(sys.argv[:1]))
+    with _ctrl_c() as ctrl_c:
+        return _run_editor(app, ctrl_c, model, saved, path)
+
+
+def _run_editor(
+    app: QApplication, ctrl_c: _CtrlC, model: str, saved: Session | None, path: Path | None
+) -> Session | None:
     app.setApplicationName("Deformer")
     app.setStyle("Fusion")
     font = QFont()
@@ -84,6 +184,7 @@ def run_editor(model: str, saved: Session | None, path: Path | None) -> Session 
     importing = _Importing()
     importing.start()
     waiting = QEventLoop()  # QApplication.quit would close the window
+    ctrl_c.heard_by(opening_window.close)
     app.lastWindowClosed.connect(waiting.quit)
     timer = QTimer()
     timer.timeout.connect(lambda: None if importing.is_alive() else waiting.quit())
@@ -92,14 +193,16 @@ def run_editor(model: str, saved: Session | None, path: Path | None) -> Session 
     timer.stop()
     app.lastWindowClosed.disconnect(waiting.quit)
     importing.join()
+    if ctrl_c.pressed:
+        raise EditInterrupted(None)
     if not opening_window.isVisible():
         return None
     if importing.error is not None:
         raise importing.error
     from deformer_app.viewer.qt.window import Window
-    from deformer_app.viewer.settings import Settings
 
     window = Window(Settings())
+    ctrl_c.heard_by(window.close_keeping)
     window.show()
     app.processEvents()  # draws the window before the other one closes
     opening_window.close()
@@ -107,4 +210,6 @@ def run_editor(model: str, saved: Session | None, path: Path | None) -> Session 
     sys.excepthook = window.unexpected
     if window.isVisible():  # it may have been closed already
         app.exec()
+    if ctrl_c.pressed:
+        raise EditInterrupted(window.kept)
     return window.editor.session if window.editor.is_open else None

@@ -10,6 +10,7 @@ from typing import Any
 from PySide6.QtCore import QByteArray, QObject, Qt, QTimer, Signal
 from PySide6.QtGui import QCloseEvent, QKeySequence, QShortcut
 from PySide6.QtWidgets import (
+    QApplication,
     QDockWidget,
     QLabel,
     QMainWindow,
@@ -86,6 +87,7 @@ class Window(QMainWindow):
         self._recorder: Recorder | None = None
         self._help: HelpDialog | None = None
         self._may_close = False
+        self._kept: Path | None = None  # the autosave, after Ctrl-C
 
         self._wake = _Wake()
         self._timer = QTimer(self)
@@ -401,16 +403,31 @@ class Window(QMainWindow):
         self._may_close = True
         self.close()
 
+    @property
+    def kept(self) -> Path | None:
+        """The autosave that `close_keeping` has left."""
+        return self._kept
+
+    def close_keeping(self) -> None:
+        """Close without asking; keep the autosave if there was unsaved work."""
+        while (dialog := QApplication.activeModalWidget()) is not None and dialog.close():
+            pass
+        if self.editor.is_open and self.editor.session.changed:
+            self.editor.write_copy(self.settings.autosave)
+            self._kept = self.settings.autosave
+        self.close_unsaved()
+
     def closeEvent(self, event: QCloseEvent) -> None:
         """Ask if there is unsaved work, then close threads and view."""
-        if self._may_close or self.may_leave():
+        # Ctrl-C may come while `may_leave` asks.
+        if self._may_close or self.may_leave() or self._may_close:
             self._may_close = True
             if self.training is not None:
                 self.training.cancel()
             self._timer.stop()
             self._note_layout()
             self.editor.close()
-            self.settings.close()
+            self.settings.close(keep=self._kept is not None)
             self.plotter.close()
             event.accept()
         else:

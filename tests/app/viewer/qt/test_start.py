@@ -84,3 +84,91 @@ def test_without_a_display_it_is_one_line(tmp_path, monkeypatch):
     )
     assert done.returncode == 2 and done.stderr.count("\n") == 1, done.stderr
     assert "DISPLAY is not set" in done.stderr
+
+
+EDIT = "import sys; sys.argv[1:] = {}\nfrom deformer_app.entry import main; main()"
+HEED = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+
+
+@pytest.mark.parametrize("arguments", [["edit"], ["edit", "--plain"]])
+def test_with_a_dead_display_it_is_one_line(tmp_path, arguments):
+    environment = {**os.environ, "DISPLAY": ":77", "DEFORMER_SETTINGS": str(tmp_path)}
+    for name in ("WAYLAND_DISPLAY", "QT_QPA_PLATFORM"):
+        environment.pop(name, None)
+    done = subprocess.run(
+        [sys.executable, "-c", EDIT.format(arguments)],
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert "no X server answers at DISPLAY=:77" in done.stderr
+
+
+def test_what_makes_qt_abort_is_one_line(tmp_path):
+    environment = {**os.environ, "QT_QPA_PLATFORM": "nonsense", "DEFORMER_SETTINGS": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", EDIT.format(["edit"])],
+        env=environment,
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert "no window can be opened" in done.stderr and "nonsense" in done.stderr
+
+
+# Sends Ctrl-C to its own process at a moment: while the first window is shown, or after a handle
+# has been placed in the editor, with or without a question on the screen.
+INTERRUPTED = """
+import os, signal, sys
+from PySide6.QtCore import QTimer
+from PySide6.QtWidgets import QApplication
+from deformer_app.entry import main
+
+app = QApplication([])
+sent = []
+
+def look():
+    for widget in app.topLevelWidgets():
+        name = type(widget).__name__
+        if sent or not widget.isVisible():
+            continue
+        if "{moment}" == "first" and name == "_OpeningWindow":
+            send()
+        if "{moment}" != "first" and name == "Window" and widget.editor.idle:
+            if not widget.editor.session.changed:
+                widget.editor.place(100, add=True)
+                widget.editor.commit("Place handle")
+            elif "{moment}" == "question":
+                sent.append(1)
+                QTimer.singleShot(300, lambda: os.kill(os.getpid(), signal.SIGINT))
+                widget.close()
+            else:
+                send()
+
+def send():
+    sent.append(1)
+    os.kill(os.getpid(), signal.SIGINT)
+
+timer = QTimer()
+timer.timeout.connect(look)
+timer.start(5)
+sys.argv[1:] = ["edit"]
+main()
+"""
+
+
+@pytest.mark.parametrize("moment", ["first", "edited", "question"])
+def test_ctrl_c_closes_the_window_and_keeps_the_session(tmp_path, moment):
+    from deformer_app.viewer.session import Session
+
+    with virtual_display() as display:
+        done = run(HEED + INTERRUPTED.replace("{moment}", moment), tmp_path, display)
+    assert (done.returncode, done.stderr.count("\n")) == (130, 1), done.stderr
+    kept = list(tmp_path.glob("autosave-*.json"))
+    if moment == "first":
+        assert done.stderr == "deformer: interrupted\n" and not kept
+        return
+    assert f"deformer edit --session {kept[0]}" in done.stderr
+    assert len(Session.load(kept[0]).edit.handles) == 1
+    assert not list(tmp_path.glob("*.lock"))
