@@ -3,7 +3,7 @@ PYTHON ?= python3
 WORKERS ?= 2
 BIN := .venv/bin
 
-.PHONY: demo edit test test-quick test-oldest test-processors lint check clean
+.PHONY: demo edit test test-quick test-oldest test-processors fuzz soak lint check clean
 
 demo: .venv/run.stamp
 	$(BIN)/deformer demo
@@ -32,6 +32,16 @@ test-processors: .venv/test.stamp
 	NUMBA_CPU_NAME=generic OPENBLAS_CORETYPE=Nehalem ATEN_CPU_CAPABILITY=default \
 	  NUMBA_CACHE_DIR=$(CURDIR)/.venv/kernels-generic $(CALM) $(BIN)/pytest -n $(WORKERS) $(QUICK)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 taskset -c 0 $(BIN)/pytest $(QUICK)
+
+# New damaged files for every reader, for so many minutes; inputs that fail are kept.
+FUZZ_MINUTES ?= 20
+fuzz: .venv/test.stamp
+	$(BIN)/python tests/fuzz/fuzz.py --minutes $(FUZZ_MINUTES)
+
+# Hours: random edits of the solver, and every kill test at all its moments.
+soak: .venv/test.stamp
+	DEFORMER_KILLS=20 $(CALM) $(BIN)/pytest tests/kills
+	$(CALM) $(BIN)/python benchmarks/solver_soak.py
 
 lint: .venv/test.stamp
 	$(BIN)/ruff check

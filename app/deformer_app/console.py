@@ -76,6 +76,11 @@ def _status(app: typer.Typer, given: list[str], ctrl_c: _CtrlC) -> int:
     return status if isinstance(status, int) else 0
 
 
+def _send_ctrl_c() -> None:
+    """Interrupt this process; unlike `interrupt_main` it ends a system call that waits."""
+    os.kill(os.getpid(), signal.SIGINT)
+
+
 class _CtrlC:
     """Within the block, Ctrl-C raises KeyboardInterrupt, also where Python would ignore it.
 
@@ -111,7 +116,8 @@ class _CtrlC:
         Imports have many such callbacks.
         """
         if isinstance(unraisable.exc_value, KeyboardInterrupt):
-            threading.Timer(0.01, _thread.interrupt_main).start()
+            again = _thread.interrupt_main if os.name == "nt" else _send_ctrl_c
+            threading.Timer(0.01, again).start()
         else:
             self._hook(unraisable)
 
