@@ -67,8 +67,10 @@ from .network import (
 )
 from .preflight import (
     Finding as Finding,
+    Repair as Repair,
     Report as Report,
     examine as examine,
+    repair_shapes as repair_shapes,
 )
 from .training import (
     TrainingProgress as TrainingProgress,

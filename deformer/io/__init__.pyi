@@ -5,6 +5,10 @@ from .atomic import (
     check_output_file as check_output_file,
     read_bytes as read_bytes,
 )
+from .copies import (
+    check_copy as check_copy,
+    save_copy as save_copy,
+)
 from .json_files import (
     HandleFile as HandleFile,
     HandleTarget as HandleTarget,

@@ -32,6 +32,8 @@ _GAP = 1.6
 _RANDOM_EDGE = 0.35
 # A vertex has changed places if another is this much nearer to the middle of its neighbours.
 _NEARER = 0.5
+# Part of the vertices from which on those far off are taken for vertices in another order.
+_MANY = 0.1
 # Thickness over the usual one that counts as none, and the least usual thickness over the length:
 # a set of flat shapes is what it is.
 _FLAT, _THICK = 1e-2, 1e-2
@@ -68,6 +70,10 @@ def reordered(measures: Statistics, label: Labels) -> list[Finding]:
         if rough[n] > max(limit, 1.5 * usual) and measures.spread[n] > 0.25:
             findings.append(_order(label, n, None, f"edges are {rough[n] / usual:.3g} times as "
                                    "long as usual while its size is as usual"))  # fmt: skip
+        elif len(measures.far.get(n, ())) > max(5, _MANY * measures.shapes.vertices.shape[1]):
+            off = np.union1d(measures.long[n], measures.far[n])
+            findings.append(_order(label, n, off, f"{len(off)} vertices lie far from their "
+                                   "neighbours"))  # fmt: skip
         elif n in measures.long and len(off := _exchanged(measures, n, measures.long[n])):
             findings.append(_order(label, n, off, f"{len(off)} vertices, e.g. {off[0]}, lie where "
                                    "others of them belong"))  # fmt: skip

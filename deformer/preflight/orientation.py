@@ -103,7 +103,7 @@ def examine_orientation(measures: Statistics, excluded: set[int], label: Labels)
                 f"({text}) of its (x, y, z)"
             )
         kind = "mirrored" if n in mirrored else "axes"
-        values = {"axes": change.tolist()}
+        values = {"axes": change.tolist(), "text": f"({text})"}
         findings.append(Finding("warning", kind, f"{label([n])}: {what}", (n,), values=values))
     angles, K = _rigid_fits(vertices)
     facts: dict[str, Any] = {"largest_rotation": float(angles.max())}

@@ -18,10 +18,11 @@ _SHAPES = 33
 _FACES, _EDGES = 2000, 4000
 # Edges shorter than this part of the typical edge count as that long: their noise says nothing.
 _SHORTEST = 0.01
-# A vertex is far off if all its edges are this many times as long as usual, and it lies this many
-# radii of the shape away from the middle of its neighbours. It may have changed places with another
+# A vertex is far off if all its edges are this many times as long as usual, and it lies as many
+# usual edges and this many radii of the shape away from the middle of its neighbours: a surface
+# that stretches keeps it in the middle. It may have changed places with another
 # if its edges are long in the geometric mean, in which each counts up to a bound.
-_FAR_EDGES = 4.0
+_FAR_EDGES = 2.5
 _LONG_EDGES, _BOUND = 1.8, 8.0
 _FAR_DISTANCE = 0.05
 
@@ -82,7 +83,7 @@ class Statistics:
             sample = p[few]
             radius[n] = np.median(np.linalg.norm(sample - np.median(sample, axis=0), axis=1))
             if ratios.max(initial=0.0) > _LONG_EDGES:
-                long[n], off = rings.off(p, ratios, _FAR_DISTANCE * radius[n])
+                long[n], off = rings.off(p, ratios, scale[n] * usual, radius[n])
                 if len(off):
                     far[n] = off
                     p = np.delete(p, off, axis=0)
@@ -112,13 +113,16 @@ class _Rings:
         self._with_edges = np.flatnonzero(self._degree)
         self._start = (np.cumsum(self._degree) - self._degree)[self._with_edges]
 
-    def off(self, p: FloatArray, ratios: FloatArray, distance: float) -> tuple[IntArray, IntArray]:
+    def off(
+        self, p: FloatArray, ratios: FloatArray, usual: FloatArray, radius: float
+    ) -> tuple[IntArray, IntArray]:
         """Vertices whose edges are long, and those of them that are far off.
 
         Args:
             p: (V, 3) positions.
             ratios: (E,) lengths of edges over their usual lengths.
-            distance: from the middle of the neighbours, that is far.
+            usual: (E,) their usual lengths.
+            radius: of the shape.
         """
         at_vertices = ratios[self._edge]
         # Bounded, so that one vertex far off does not make its neighbours' edges long.
@@ -131,7 +135,9 @@ class _Rings:
         found = self._with_edges[long]
         away = np.linalg.norm(p[found] - middles / self._degree[found, None], axis=1)
         least = np.minimum.reduceat(at_vertices, self._start)[long]
-        return found, found[(least > _FAR_EDGES) & (away > distance)]
+        edge = np.add.reduceat(usual[self._edge], self._start)[long] / self._degree[found]
+        far = (away > _FAR_EDGES * edge) & (away > _FAR_DISTANCE * radius)
+        return found, found[(least > _FAR_EDGES) & far]
 
 
 def _lengths(p: FloatArray, pairs: IntArray) -> FloatArray:

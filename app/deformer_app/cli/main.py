@@ -73,25 +73,39 @@ def _options(
     pass
 
 
-@app.command(epilog=examples("deformer check walk/", "deformer check walk.npz --json"))
-def check(shapes: Shapes, as_json: Json = False) -> None:
+@app.command(
+    epilog=examples(
+        "deformer check walk/",
+        "deformer check walk.npz --json",
+        "deformer check walk/ --fix walk-fixed --report walk.html",
+    )
+)
+def check(
+    shapes: Shapes,
+    fix: Annotated[
+        Path | None,
+        typer.Option(
+            help="Directory for repaired copies, with the names and formats of the originals."
+        ),
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option(help="HTML file for a report with pictures.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
     """Examine example shapes before training: what they hold, what is wrong with them.
 
-    Exits with 1 if they cannot be trained on.
+    Exits with 1 if they, or their repaired copies, cannot be trained on.
     """
-    from deformer import examine
+    from deformer_app.cli import check as checking
 
-    report = examine(_load_shapes(shapes), _file_names(shapes))
+    refuse_inputs(report, shapes)
+    result = checking.run(shapes, fix, report)
     if as_json:
-        console.emit(report.as_dict())
+        console.emit(result)
     else:
-        console.show_facts(str(shapes), report.facts)
-        if report.findings:
-            rows = [[finding.severity, finding.message] for finding in report.findings]
-            console.show_table("Findings", ["severity", "message"], rows)
-        else:
-            console.out.print("No findings.")
-    if not report.usable:
+        checking.show(shapes, result)
+    if not result["usable"]:
         raise typer.Exit(1)
 
 
@@ -426,18 +440,12 @@ def _load_shapes(path: Path) -> MeshSequence:
         return deformer.load_shapes(path, report)
 
 
-def _file_names(path: Path) -> list[str] | None:
-    """The file of each shape; None where one file has all."""
-    from deformer import io
-
-    return [file.name for file in io.shape_files(path)] if path.is_dir() else None
-
-
 def _refuse_unusable(path: Path, shapes: MeshSequence) -> None:
     """Print the warnings of `examine`; raise InputError if it finds an error."""
     from deformer import InputError, examine
+    from deformer_app.cli.check import file_names
 
-    report = examine(shapes, _file_names(path))
+    report = examine(shapes, file_names(path))
     errors = [finding.message for finding in report.findings if finding.severity == "error"]
     for finding in report.findings:
         if finding.severity == "warning":

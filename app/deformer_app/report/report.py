@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import jinja2
+from markupsafe import Markup
 
 from deformer import InputError
 from deformer.evaluation import FAILURE, Row, Table, summarise
-from deformer.io import atomic_path
 from deformer_app import console
 from deformer_app.report import curves, paper as paper_sections, shape_rows as examples
+from deformer_app.report.page import write_page
 from deformer_app.report.parts import Cell, Figure, Grid, Part, Section, grid
 
+_INTRO = Markup(
+    "A value is the mean over seeds ± their standard deviation; the best of a column is bold. "
+    "E<sub>rms</sub> is in thousandths of the data's own unit. STED has no unit; where the shapes "
+    "are in no order of time, only its spatial part is there. Seeds draw the split, the training "
+    "and the first control point."
+)
 # Titles of sections, in order, by the first part of a protocol's name.
 _SECTIONS = {
     "reconstruction": "Reconstruction of unseen shapes",
@@ -53,18 +58,9 @@ def write(
     for beginning, title in _SECTIONS.items():
         sections.append(Section(title, _parts(tables, beginning)))
     sections.append(Section("Failures", _failures(rows)))
-    template = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(
-        resources.files("deformer_app.report").joinpath("report.html").read_text(encoding="utf-8")
-    )
     shown = [(name.replace("_", " "), console.brief(value)) for name, value in _flat(facts)]
-    text = template.render(
-        title=f"Evaluation: {', '.join(datasets)}",
-        sections=[section for section in sections if section.parts],
-        command=facts["command"],
-        facts=shown,
-    )
-    with atomic_path(folder / "report.html") as path:
-        path.write_text(text, encoding="utf-8")
+    title = f"Evaluation: {', '.join(datasets)}"
+    write_page(folder / "report.html", title, _INTRO, sections, shown, facts["command"])
 
 
 def _parts(tables: Mapping[tuple[str, str, str], Table], beginning: str) -> list[Part]:

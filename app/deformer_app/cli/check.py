@@ -1,0 +1,83 @@
+"""`deformer check`: examine shapes, repair copies of them, write a report with pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from deformer import MeshSequence, Report, examine, io, load_shapes, repair_shapes
+from deformer_app import console
+
+
+def file_names(path: Path) -> list[str] | None:
+    """The file of each shape; None where one file has all."""
+    return [file.name for file in io.shape_files(path)] if path.is_dir() else None
+
+
+def run(path: Path, fix: Path | None, page: Path | None) -> dict[str, Any]:
+    """Examine shapes, and repair and picture them if asked; what `--json` prints.
+
+    Args:
+        path: the shapes.
+        fix: directory for repaired copies, or None.
+        page: HTML file for a report with pictures, or None.
+    """
+    if fix is not None:
+        io.check_copy(path, fix)
+    if page is not None:
+        io.check_output_file(page)
+    names = file_names(path)
+    with console.progress("loading") as progress:
+        shapes = load_shapes(path, progress)
+    report = examine(shapes, names)
+    result = report.as_dict()
+    fixed: tuple[MeshSequence, Report] | None = None
+    done: tuple[str, ...] = ()
+    if fix is not None:
+        repaired = repair_shapes(shapes, names)
+        written = io.save_copy(
+            path,
+            fix,
+            repaired.shapes,
+            changed=repaired.changed,
+            kept=repaired.kept,
+            faces_changed=repaired.faces_changed,
+        )
+        done = repaired.done
+        if written:
+            done += (
+                f"{len(written)} files written anew, e.g. {written[0]}, with positions and "
+                "triangles alone",
+            )
+        # What was written counts, not what should have been.
+        copy = fix / path.resolve().name if io.shape_files(path)[0] == path else fix
+        again = load_shapes(copy)
+        fixed = again, examine(again, names)
+        result["fix"] = {"output": str(copy), "done": list(done), "after": fixed[1].as_dict()}
+        result["usable"] = fixed[1].usable
+    if page is not None:
+        from deformer_app.report import check as pages
+
+        pages.write(page, path, shapes, report, done, fixed)
+        result["report"] = str(page)
+    return result
+
+
+def show(path: Path, result: dict[str, Any]) -> None:
+    """Print what `run` returned."""
+    _show_report(str(path), result)
+    if fix := result.get("fix"):
+        rows = [[line] for line in fix["done"]] or [["nothing that can be repaired safely"]]
+        console.show_table("Repairs", ["what was done"], rows)
+        _show_report(fix["output"], fix["after"])
+    if "report" in result:
+        console.note(f"Wrote {result['report']}")
+
+
+def _show_report(title: str, report: dict[str, Any]) -> None:
+    console.show_facts(title, report["facts"])
+    if report["findings"]:
+        rows = [[finding["severity"], finding["message"]] for finding in report["findings"]]
+        console.show_table("Findings", ["severity", "message"], rows)
+    else:
+        console.out.print("No findings.")

@@ -1,0 +1,91 @@
+"""Copies of sets of shapes with changed positions or connectivity, in the files they came in."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Collection
+from pathlib import Path
+
+import numpy as np
+
+from deformer.errors import InputError
+from deformer.geometry import IntArray, Mesh, MeshSequence
+from deformer.io.atomic import PathLike, atomic_directory, check_directory
+from deformer.io.meshes import save_mesh, shape_files, write_npz
+
+
+def check_copy(source: PathLike, folder: PathLike) -> None:
+    """Raise InputError if `save_copy` could not write.
+
+    Args:
+        source, folder: as of `save_copy`.
+    """
+    origin, target = Path(source).resolve(), Path(folder).resolve()
+    if target == origin or target in origin.parents:
+        what = "is" if target == origin else "contains"
+        raise InputError(f"{folder}: {what} the input {source}, which would be lost; choose "
+                         "another directory")  # fmt: skip
+    names = {file.name for file in shape_files(source)}
+    check_directory(folder, lambda entry: entry.name in names)
+
+
+def save_copy(
+    source: PathLike,
+    folder: PathLike,
+    shapes: MeshSequence,
+    *,
+    changed: Collection[int],
+    kept: IntArray,
+    faces_changed: bool,
+) -> tuple[str, ...]:
+    """Write the changed set of a source under the source's file names, in its formats.
+
+    Files of shapes that did not change are copied byte for byte. The other arrays of an NPZ are
+    kept; of those with a value for each vertex, the values of the vertices that are left.
+
+    Args:
+        source: what `load_shapes` read.
+        folder: directory to write; an older copy of the same source in it is replaced.
+        shapes: the changed set, N shapes as in the source.
+        changed: indices of the shapes whose vertices changed.
+        kept: (V',) former indices of the vertices that are left.
+        faces_changed: true if the faces changed, too.
+
+    Returns:
+        Names of the mesh files that were written anew; they have positions and triangles alone.
+
+    Raises:
+        InputError: the folder is or contains the source, holds something else, or cannot be
+            written.
+    """
+    check_copy(source, folder)
+    files = shape_files(source)
+    names = {file.name for file in files}
+    written = []
+    with atomic_directory(folder, lambda entry: entry.name in names) as work:
+        for n, file in enumerate(files):
+            if file.suffix.lower() == ".npz":
+                _copy_npz(file, work / file.name, shapes, kept)
+            elif n in changed or faces_changed:
+                save_mesh(work / file.name, Mesh(shapes.vertices[n], shapes.faces))
+                written.append(file.name)
+            else:
+                shutil.copyfile(file, work / file.name)
+    return tuple(written)
+
+
+def _copy_npz(source: Path, target: Path, shapes: MeshSequence, kept: IntArray) -> None:
+    with np.load(source, allow_pickle=False) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    old = arrays["vertices"]
+    V = old.shape[-2]
+    if len(kept) < V:
+        for name, array in arrays.items():
+            axes = [axis for axis in range(min(array.ndim, 2)) if array.shape[axis] == V]
+            # The first axis of a value a vertex, the second of a value a shape and a vertex.
+            if axes and name not in ("vertices", "faces"):
+                arrays[name] = np.take(array, kept, axis=axes[0])
+    vertices = shapes.vertices.reshape(*old.shape[:-2], len(kept), 3)
+    arrays["vertices"] = vertices.astype(old.dtype if old.dtype.kind == "f" else np.float64)
+    arrays["faces"] = shapes.faces.astype(arrays["faces"].dtype)
+    write_npz(target, arrays)
