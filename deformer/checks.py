@@ -12,6 +12,7 @@ import os
 import reprlib
 from collections.abc import Sequence
 from numbers import Integral, Real
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -118,13 +119,14 @@ def checked_integer(
     most: int | None = None,
     remedy: str = "correct it",
 ) -> int:
-    """A whole number of `least` to `most`; booleans, and floats without a fraction, are none."""
+    """A whole number of `least` to `most`, and of 64 bits; booleans and floats are none."""
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
     number = 0 if isinstance(value, bool) or not isinstance(value, Integral) else int(value)
     if (
         isinstance(value, bool)
         or not isinstance(value, Integral)
+        or not -(2**63) <= number < 2**63
         or (least is not None and number < least)
         or (most is not None and number > most)
     ):
@@ -145,18 +147,21 @@ def checked_flag(value: Any, name: object, *, remedy: str = "give one of them") 
 
 
 def checked_text(value: Any, name: object, *, remedy: str = "correct it") -> str:
-    """A text that UTF-8 can represent."""
+    """A text that is Unicode, or the name of a file."""
     if not isinstance(value, str) or not is_unicode(value):
         raise _unexpected(name, "a text", value, remedy)
     return value
 
 
 def is_unicode(text: str) -> bool:
-    """False if the text contains half of a surrogate pair, which no UTF-8 file can contain."""
+    """False if the text contains half of a surrogate pair and is no name of a file either.
+
+    Python reads bytes of file names that are no UTF-8 as U+DC80 to U+DCFF.
+    """
     if text.isascii():
         return True
     try:
-        text.encode()
+        text.encode(errors="surrogateescape")
     except UnicodeEncodeError:
         return False
     return True
@@ -170,6 +175,13 @@ def checked_choice(
         if isinstance(value, str) and value == choice:
             return choice
     raise _unexpected(name, f"one of {', '.join(map(str, choices))}", value, remedy)
+
+
+def checked_path(value: Any, name: object) -> Path:
+    """A path, as text or as a path."""
+    if not isinstance(value, str | os.PathLike):
+        raise _unexpected(name, "the path of a file or directory", value, "give a text or a Path")
+    return Path(value)
 
 
 def checked_instance(value: Any, name: object, kind: type[T], *, remedy: str) -> T:
@@ -191,11 +203,12 @@ def checked_array(
 
     Args:
         values, name, remedy: as the module says.
-        shapes: the shapes allowed; a text stands for any length of 0 or more. None allows all.
+        shapes: the shapes allowed; a text stands for any length of 0 or more, "..." at the start
+            for any dimensions. None given allows all.
         finite: refuse numbers that are not finite.
         largest: refuse magnitudes above it.
     """
-    array = _as_array(values, name)
+    array = as_array(values, name)
     if array.dtype.kind not in "fiu" and array.size:
         expected = f"numbers of shape {_shapes(shapes)}" if shapes else "numbers"
         raise _unexpected(name, expected, values, remedy)
@@ -220,7 +233,7 @@ def checked_indices(
     values: Any, name: object, count: int, *, what: str = "vertex", remedy: str = "correct it"
 ) -> NDArray[np.int64]:
     """Indices (n,) of 0…count−1, as int64; `what` they are indices of."""
-    array = _as_array(values, name)
+    array = as_array(values, name)
     if array.ndim != 1 or (array.dtype.kind not in "iu" and array.size):
         raise InputError(
             f"{name}: expected {what} indices (n,), integers, got {array.dtype} of shape "
@@ -258,7 +271,8 @@ def _memory() -> float:
         return _ASSUMED_MEMORY
 
 
-def _as_array(values: Any, name: object) -> NDArray:
+def as_array(values: Any, name: object) -> NDArray:
+    """An array of any kind; InputError for lists of unequal lengths, for example."""
     try:
         return np.asarray(values)
     except (TypeError, ValueError, OverflowError, RuntimeError) as error:
@@ -267,6 +281,8 @@ def _as_array(values: Any, name: object) -> NDArray:
 
 
 def _has_shape(array: NDArray, shape: tuple[int | str, ...]) -> bool:
+    if shape[:1] == ("...",):  # any number of dimensions
+        shape = (*array.shape[: array.ndim - len(shape) + 1], *shape[1:])
     return array.ndim == len(shape) and all(
         isinstance(wanted, str) or wanted == length
         for wanted, length in zip(shape, array.shape, strict=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import _thread
 import ctypes
 import dataclasses
+import io
 import json
 import logging
 import math
@@ -46,6 +47,9 @@ def run(app: typer.Typer, arguments: list[str] | None = None) -> int:
     log.setLevel(logging.INFO)
     given = sys.argv[1:] if arguments is None else arguments
     given = given or ["--help"]
+    # Names of files may have bytes that are no text; they are printed as \udcff.
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
     with _CtrlC() as ctrl_c:
         return _status(app, given, ctrl_c)
 
@@ -130,6 +134,9 @@ def _users_mistake(error: Exception) -> str | None:
         return error.format_message().rstrip(".") + remedy
     if isinstance(error, OSError):
         return f"{error.filename or 'system'}: {error.strerror or error}"
+    if isinstance(error, MemoryError):
+        reason = str(error) or "a request was refused"
+        return f"not enough memory ({reason}); use fewer or smaller shapes"
     from deformer import InputError
 
     return str(error) if isinstance(error, InputError) else None
@@ -158,7 +165,8 @@ def warn(message: str) -> None:
 
 def emit(data: Mapping[str, Any]) -> None:
     """Print a result as one JSON object on stdout; a number that is not finite becomes null."""
-    print(json.dumps(plain(data), ensure_ascii=False, allow_nan=False))
+    # In ASCII, which every terminal and every name of a file can be written in.
+    print(json.dumps(plain(data), allow_nan=False))
 
 
 def plain(value: Any) -> Any:

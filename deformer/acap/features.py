@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 
 from deformer.acap.consistent_rotations import continuous_logs
+from deformer.checks import checked_array, checked_instance
 from deformer.compilation import njit
 from deformer.errors import InputError
 from deformer.geometry import (
@@ -75,7 +76,7 @@ def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
         vertices: (V, 3).
         faces: (F, 3) int64.
     """
-    p = np.ascontiguousarray(vertices, dtype=np.float64)
+    p = np.ascontiguousarray(checked_array(vertices, "vertices", ("V", 3)))
     normals = np.empty_like(p)
     _vertex_normals(p, faces, normals)
     return normals
@@ -159,7 +160,7 @@ def features_to_gradients(q: ArrayLike) -> FloatArray:
     Raises:
         InputError: the last dimension is not 9.
     """
-    features = np.ascontiguousarray(q, dtype=np.float64)
+    features = np.ascontiguousarray(checked_array(q, "features", finite=False))
     if features.shape[-1] != 9:
         raise InputError(f"features: expected (..., 9), got {features.shape}")
     T = np.empty((*features.shape[:-1], 3, 3))
@@ -178,6 +179,7 @@ class FeatureExtractor:
 
     def __init__(self, reference: Mesh) -> None:
         """Prepare one-rings, weights and the inverse normal matrices of the reference."""
+        checked_instance(reference, "reference", Mesh, remedy="load one with load_mesh")
         v = reference.vertices
         V = len(v)
         self.reference = reference
@@ -223,7 +225,7 @@ class FeatureExtractor:
         Raises:
             InputError: the shape of the array is not the reference's.
         """
-        p = np.ascontiguousarray(vertices, dtype=np.float64)
+        p = np.ascontiguousarray(checked_array(vertices, "vertices"))
         v = self.reference.vertices
         if p.shape != v.shape:
             raise InputError(
@@ -334,6 +336,8 @@ def extract_features(
     Raises:
         InputError: no shape `reference`.
     """
+    remedy = "load shapes with load_shapes"
+    checked_instance(shapes, "shapes", MeshSequence, remedy=remedy)
     extractor = FeatureExtractor(shapes.mesh(reference))
     return extract_all(extractor, shapes.vertices, progress)
 

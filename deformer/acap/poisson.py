@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 
 from deformer.acap.features import features_to_gradients
+from deformer.checks import checked_array, checked_instance
 from deformer.errors import InputError
 from deformer.geometry import (
     FloatArray,
@@ -126,7 +127,7 @@ class PoissonSystem:
         Raises:
             InputError: another shape of the array.
         """
-        features = np.asarray(q, dtype=np.float64)
+        features = checked_array(q, "features")
         V = len(self.reference.vertices)
         if features.shape[-2:] != (V, 9):
             raise InputError(f"features: expected (..., {V}, 9), got {features.shape}")
@@ -202,6 +203,8 @@ def reconstruct(shapes: MeshSequence, q: ArrayLike, reference: int = 0) -> Float
     Raises:
         InputError: another shape of the array, or no shape `reference`.
     """
+    remedy = "load shapes with load_shapes"
+    checked_instance(shapes, "shapes", MeshSequence, remedy=remedy)
     system = PoissonSystem(shapes.mesh(reference))
     p = system.reconstruct(q)
     if p.shape != shapes.vertices.shape:

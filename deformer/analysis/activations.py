@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from deformer.checks import LARGEST, checked_array, checked_instance, checked_integer
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
 from deformer.model import DeformationModel
@@ -34,6 +35,7 @@ class Activations:
 
     def __init__(self, model: DeformationModel) -> None:
         """Measure all components."""
+        checked_instance(model, "model", DeformationModel, remedy="load it with load_model")
         self._model = model
         self._weights = model.weights.C
         self.low: FloatArray = model.codes.min(axis=0)
@@ -113,6 +115,7 @@ class Activations:
 
     def _check(self, component: int) -> None:
         K = self._weights.shape[2]
+        checked_integer(component, "component")
         if not 0 <= component < K:
             raise InputError(f"component {component} does not exist; the model has 0…{K - 1}")
 
@@ -130,6 +133,7 @@ class Familiarity:
 
     def __init__(self, model: DeformationModel) -> None:
         """Measure the distances among the training codes."""
+        checked_instance(model, "model", DeformationModel, remedy="load it with load_model")
         self._factor = model.prior.factor
         self._codes = self._whitened(model.codes)
         gaps = [np.sort(self._distances(y))[1] for y in self._codes]
@@ -141,7 +145,8 @@ class Familiarity:
 
     def nearest(self, z: ArrayLike) -> tuple[int, float]:
         """Row in `codes` of the training code nearest to a latent code z (K,), and its distance."""
-        y = self._whitened(np.asarray(z, dtype=np.float64)[None])[0]
+        code = checked_array(z, "z", (len(self._factor),), largest=LARGEST)
+        y = self._whitened(code[None])[0]
         distances = self._distances(y)
         row = int(distances.argmin())
         return row, float(distances[row]) / self._unit

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from deformer.analysis.activations import Activations
-from deformer.errors import InputError
+from deformer.checks import checked_integer
 from deformer.geometry import FloatArray, Mesh, vertex_errors
 from deformer.model import DeformationModel
 
@@ -72,8 +72,7 @@ class ComponentAnalysis:
 
     def __init__(self, model: DeformationModel, extreme_count: int = 3) -> None:
         """Find extremes and strengths."""
-        if extreme_count < 0:
-            raise InputError(f"extreme_count: expected 0 or more, got {extreme_count}")
+        checked_integer(extreme_count, "extreme_count", least=0)
         self.model = model
         self.activations = Activations(model)
         self._extreme_count = extreme_count
@@ -101,6 +100,8 @@ class ComponentAnalysis:
 
     def ranked(self, count: int | None = None) -> list[Component]:
         """The `count` strongest components, or all, from the strongest to the weakest."""
+        if count is not None:
+            checked_integer(count, "count", least=0)
         return [self.describe(int(k)) for k in self.activations.order[:count]]
 
     def describe(self, component: int) -> Component:

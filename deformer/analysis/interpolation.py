@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from deformer.acap import extract_all
 from deformer.analysis.synthesis import BlendSpace, check_blend_space
+from deformer.checks import check_memory, checked_array, checked_integer
 from deformer.errors import InputError
 from deformer.geometry import (
     FloatArray,
@@ -79,13 +80,14 @@ def interpolate(
             unknown space.
     """
     check_blend_space(space)
-    shapes = np.asarray(keys, dtype=np.float64)
+    shapes = checked_array(keys, "keys")
     V = len(model.reference.vertices)
     if shapes.ndim != 3 or shapes.shape[1:] != (V, 3) or len(shapes) < 2:
         raise InputError(f"keys: expected (2 or more, {V}, 3), got {shapes.shape}")
-    if steps < 2:
-        raise InputError(f"steps: expected at least 2, got {steps}")
-    times = np.linspace(0.0, len(shapes) - 1.0, (len(shapes) - 1) * (steps - 1) + 1)
+    checked_integer(steps, "steps", least=2)
+    n = (len(shapes) - 1) * (steps - 1) + 1
+    check_memory(4 * 24 * n * V, f"steps: {n} shapes of {V} vertices")
+    times = np.linspace(0.0, len(shapes) - 1.0, n)
     if space == "linear":
         path = _interpolated(shapes, times)
         at_keys = shapes

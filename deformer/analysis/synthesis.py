@@ -9,6 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deformer.analysis.activations import Activations, Familiarity
+from deformer.checks import (
+    LARGEST,
+    check_memory,
+    checked_array,
+    checked_choice,
+    checked_instance,
+    checked_integer,
+    checked_number,
+    shortened,
+)
 from deformer.errors import InputError
 from deformer.geometry import FloatArray
 from deformer.model import DeformationModel
@@ -41,11 +51,7 @@ class Synthesis:
         self.model = model
         self.activations = Activations(model)
         chosen = self.activations.reference if start is None else start
-        self.start = np.array(chosen, dtype=np.float64)
-        if self.start.shape != (model.components,) or not np.isfinite(self.start).all():
-            raise InputError(
-                f"start: expected {model.components} finite numbers, got {self.start.shape}"
-            )
+        self.start = checked_array(chosen, "start", (model.components,), largest=LARGEST).copy()
 
     def code(self, weights: Weights) -> FloatArray:
         """Latent code (K,) of weights of components.
@@ -109,19 +115,24 @@ class Synthesis:
         """
         k = self.model.component(component)
         fixed = {self.model.component(key): w for key, w in (weights or {}).items()}
-        steps = np.atleast_1d(np.asarray(values, dtype=np.float64))
+        steps = np.atleast_1d(checked_array(values, "values", (), ("n",), largest=LARGEST))
+        V = len(self.model.reference.vertices)
+        check_memory(2 * 24 * V * len(steps), f"values: {len(steps)} shapes of {V} vertices")
         return np.stack([self.shape({**fixed, k: float(w)}, space) for w in steps])
 
     def _vector(self, weights: Weights) -> FloatArray:
         w = np.zeros(self.model.components)
         seen: dict[int, int | str] = {}
+        if not isinstance(weights, Mapping):
+            raise InputError(
+                f"weights: expected component → weight, got {shortened(weights)}; give a dict"
+            )
         for key, value in weights.items():
             k = self.model.component(key)
             if k in seen:
                 raise InputError(f"weights: {seen[k]!r} and {key!r} are one component; give one")
-            if not np.isfinite(value):
-                raise InputError(f"weight of {key!r}: expected a finite number, got {value}")
-            seen[k], w[k] = key, value
+            seen[k] = key
+            w[k] = checked_number(value, f"weight of {key!r}", largest=LARGEST)
         return w
 
 
@@ -143,8 +154,12 @@ def draw_codes(
     Raises:
         InputError: `count` or `bound` is negative.
     """
-    if count < 0 or not bound >= 0:
-        raise InputError(f"count, bound: expected 0 or more, got {count} and {bound}")
+    checked_integer(count, "count", least=0)
+    checked_integer(seed, "seed", least=0)
+    if bound != np.inf:
+        checked_number(bound, "bound", least=0)
+    K, V = model.components, len(model.reference.vertices)
+    check_memory(8 * count * (K + 6 * V), f"count: {count} shapes of {V} vertices")
     rng = np.random.default_rng(seed)
     prior, familiarity = model.prior, Familiarity(model)
     drawn = prior.mean + rng.normal(size=(count, model.components)) @ prior.factor.T
@@ -158,8 +173,7 @@ def draw_codes(
 
 def check_blend_space(space: str) -> None:
     """Raise InputError unless `space` is one of `BLEND_SPACES`."""
-    if space not in BLEND_SPACES:
-        raise InputError(f"space: expected one of {', '.join(BLEND_SPACES)}, got {space!r}")
+    checked_choice(space, "space", BLEND_SPACES)
 
 
 def transfer(source: DeformationModel, target: DeformationModel, z: ArrayLike) -> FloatArray:
@@ -178,7 +192,8 @@ def transfer(source: DeformationModel, target: DeformationModel, z: ArrayLike) -
     Raises:
         InputError: the connectivities differ, or z is no code of `source`.
     """
-    p = target.poisson.reconstruct(_source_features(source, target, z))
+    features = _source_features(source, target, z)
+    p = target.poisson.reconstruct(features)
     size = target.reference.bounding_diagonal / source.reference.bounding_diagonal
     return p + size * source.centroid_offset(np.asarray(z, dtype=np.float64))
 
@@ -195,9 +210,9 @@ def _source_features(
     source: DeformationModel, target: DeformationModel, z: ArrayLike
 ) -> FloatArray:
     """Features (V, 9) of a code of `source`, after a check that the connectivities agree."""
-    code = np.asarray(z, dtype=np.float64)
-    if code.shape != (source.components,):
-        raise InputError(f"z: expected ({source.components},), got {code.shape}")
+    for name, model in (("source", source), ("target", target)):
+        checked_instance(model, name, DeformationModel, remedy="load it with load_model")
+    code = checked_array(z, "z", (source.components,), largest=LARGEST)
     if not np.array_equal(source.reference.faces, target.reference.faces):
         raise InputError(
             f"transfer: the models' connectivities differ ({len(source.reference.faces)} and "

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deformer.checks import LARGEST, as_array, checked_array, checked_indices, shortened
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
 from deformer.model import DeformationModel
@@ -106,17 +107,18 @@ def check_handles(
         InputError: an index out of range, a target that `check_target` refuses, a weight that is
             not positive, or lengths that differ.
     """
-    index, goals = np.asarray(vertices), np.asarray(targets, dtype=np.float64)
+    index, goals = as_array(vertices, "vertices"), checked_array(targets, "targets", finite=False)
     if index.size == 0:
-        index, goals = index.astype(np.int64).reshape(0), goals.reshape(-1, 3)
-    V = len(model.reference.vertices)
-    if index.ndim != 1 or not np.issubdtype(index.dtype, np.integer):
-        raise InputError(f"vertices: expected (H,) integers, got {index.dtype} {index.shape}")
+        index, goals = index.reshape(0), goals.reshape(-1, 3)
+    index = checked_indices(index, "vertices", len(model.reference.vertices))
     H = len(index)
     if goals.shape != (H, 3):
         raise InputError(f"targets: expected ({H}, 3), one a handle, got {goals.shape}")
-    factors = np.ones(H) if weights is None else np.asarray(weights, dtype=np.float64)
-    exact = np.asarray(hard, dtype=bool)
+    factors = np.ones(H) if weights is None else checked_array(weights, "weights", finite=False)
+    exact = as_array(hard, "hard")
+    if exact.dtype != bool and exact.size:
+        raise InputError(f"hard: expected true or false, got {shortened(hard)}; give one or (H,)")
+    exact = exact.astype(bool)
     if exact.ndim == 0:
         exact = np.broadcast_to(exact, (H,))
     for name, array in (("weights", factors), ("hard", exact)):
@@ -124,11 +126,9 @@ def check_handles(
             raise InputError(f"{name}: expected ({H},), one a handle, got {array.shape}")
     centroid, diagonal = model.poisson.centroid, model.reference.bounding_diagonal
     for h in range(H):
-        if not 0 <= index[h] < V:
-            raise InputError(
-                f"handle {h}: vertex {index[h]} does not exist; the mesh has 0…{V - 1}"
-            )
         check_target(goals[h], centroid, diagonal, f"handle {h}: target")
-        if not (np.isfinite(factors[h]) and factors[h] > 0):
-            raise InputError(f"handle {h}: weight {factors[h]} is not a positive number")
+        if not 0 < factors[h] <= LARGEST:
+            raise InputError(
+                f"handle {h}: weight {factors[h]} is not a positive number up to {LARGEST:g}"
+            )
     return index, goals, factors, exact

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deformer.checks import checked_instance
 from deformer.editing.solver import HandleSolver
 from deformer.errors import InputError
 from deformer.geometry import FloatArray
@@ -49,6 +50,7 @@ def uncertainty(solver: HandleSolver) -> Uncertainty:
     Raises:
         InputError: nothing has been solved yet.
     """
+    checked_instance(solver, "solver", HandleSolver, remedy="make one of a model")
     solution = solver.solution
     if solution is None:
         raise InputError("uncertainty: nothing has been solved yet; call solve first")

@@ -13,6 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from deformer.checks import (
+    LARGEST,
+    check_memory,
+    checked_array,
+    checked_instance,
+    checked_integer,
+    checked_number,
+)
 from deformer.editing.batch_numba import Boolean, Frames, NumbaFrames
 from deformer.editing.green_functions import HandleBasis
 from deformer.editing.handles import check_handles
@@ -95,8 +103,8 @@ def fit_sequence(
             missing, or a backend that cannot use it.
     """
     index, goals, factors, exact = _checked(model, vertices, targets, weights, hard)
-    if not (np.isfinite(smoothness) and smoothness >= 0):
-        raise InputError(f"smoothness: expected 0 or a positive number, got {smoothness}")
+    checked_number(smoothness, "smoothness", least=0, most=LARGEST)
+    checked_integer(relaxation, "relaxation", least=0)
     # In a motion the body may go anywhere: the rigid motion has the diffuse prior alone.
     solver = HandleSolver(model, rigid=rigid, noise=noise, freedom=1.0)
     basis = solver.basis
@@ -104,9 +112,10 @@ def fit_sequence(
     batch = _backend(basis, device, backend)
     energy = solver.energy
     sequence = SequenceEnergy(energy, batch, goals, factors, smoothness)
-    F = len(goals)
+    F, V = len(goals), len(model.reference.vertices)
+    check_memory(24 * F * V, f"targets: {F} frames of {V} vertices")
     X = np.zeros((F, energy.size))
-    out = np.empty((F, len(model.reference.vertices), 3))
+    out = np.empty((F, V, 3))
     steps = 0
     with one_blas_thread():
         for start in range(0, F, _WINDOW):
@@ -183,17 +192,18 @@ def _checked(
     hard: ArrayLike,
 ) -> tuple[IntArray, FloatArray, FloatArray, Boolean]:
     """Vertices (H,), targets (F, H, 3), weights (F, H), and true where a handle is exact (F, H)."""
-    goals = np.asarray(targets, dtype=np.float64)
+    checked_instance(model, "model", DeformationModel, remedy="load it with load_model")
+    goals = checked_array(targets, "targets", finite=False)
     count = np.size(vertices)
     if goals.ndim != 3 or goals.shape[1:] != (count, 3) or len(goals) == 0:
         raise InputError(f"targets: expected (F, {count}, 3), one frame or more, got {goals.shape}")
     F, H, _ = goals.shape
-    factors = np.ones(H) if weights is None else np.asarray(weights, dtype=np.float64)
+    factors = np.ones(H) if weights is None else checked_array(weights, "weights", finite=False)
     if factors.shape not in ((H,), (F, H)):
         raise InputError(f"weights: expected ({F}, {H}) or ({H},), got {factors.shape}")
     factors = np.broadcast_to(factors, (F, H))
-    if not (np.isfinite(factors) & (factors >= 0)).all():
-        frame, h = np.argwhere(~(np.isfinite(factors) & (factors >= 0)))[0]
+    if not ((factors >= 0) & (factors <= LARGEST)).all():
+        frame, h = np.argwhere(~((factors >= 0) & (factors <= LARGEST)))[0]
         raise InputError(f"frame {frame}, handle {h}: weight {factors[frame, h]} is not 0 or more")
     unseen = factors == 0
     bad = ~np.isfinite(goals).all(axis=2) & ~unseen

@@ -10,6 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from deformer.checks import (
+    LARGEST,
+    checked_array,
+    checked_flag,
+    checked_instance,
+    checked_integer,
+    checked_number,
+)
 from deformer.compilation import compile_kernels
 from deformer.editing.energy import HandleEnergy
 from deformer.editing.green_functions import HandleBasis
@@ -76,12 +84,16 @@ class HandleSolver:
         relaxation: int = 60,
     ) -> None:
         """Prepare the model's factorisations; handles are set later."""
+        checked_instance(model, "model", DeformationModel, remedy="load it with load_model")
+        checked_flag(rigid, "rigid")
+        checked_integer(relaxation, "relaxation", least=0)
+        noise = model.handle_noise if noise is None else noise
+        _check_parameters(noise, freedom)
         compile_kernels(_KERNELS, CORES)
         self.model = model
         self.relaxation = relaxation
         self.basis = HandleBasis(model)
         self._surface = self.basis.surface
-        noise = model.handle_noise if noise is None else noise
         energy = HandleEnergy.of_model(model, noise, rigid)
         self._search = CodeSearch(energy, self.basis, model.codes)
         self._exact: IntArray = np.empty(0, dtype=np.int64)
@@ -150,9 +162,7 @@ class HandleSolver:
         Raises:
             InputError: a code of another length or not finite, a number that is not positive.
         """
-        for name, value in (("noise", noise), ("freedom", freedom)):
-            if value is not None and not (value > 0 and np.isfinite(value)):
-                raise InputError(f"{name}: expected a positive number, got {value}")
+        _check_parameters(noise, freedom)
         given: dict[str, Any] = {"noise": noise, "freedom": freedom}
         changes = {name: value for name, value in given.items() if value is not None}
         centre = None if mean is None else self._code(mean, "mean")
@@ -169,10 +179,11 @@ class HandleSolver:
             rotation, translation: (3,) rigid motion, as in `Pose`.
         """
         energy = self.energy
-        t = np.asarray(translation, dtype=np.float64) / energy.diagonal
-        return self._restart(
-            energy.unknowns(self._code(z, "z"), np.asarray(rotation, dtype=np.float64), t)
-        )
+        code = self._code(z, "z")
+        rotation = checked_array(rotation, "rotation", (3,), largest=LARGEST)
+        t = checked_array(translation, "translation", (3,)) / energy.diagonal
+        checked_array(t, "translation", largest=LARGEST)
+        return self._restart(energy.unknowns(code, rotation, t))
 
     def relax(self) -> Pose:
         """The pose of the last solution, its rigid relaxation run anew until it ends (`restore`).
@@ -194,13 +205,7 @@ class HandleSolver:
         return replace(pose, milliseconds=1000.0 * (time.perf_counter() - begun))
 
     def _code(self, z: ArrayLike, name: str) -> FloatArray:
-        code, K = np.array(z, dtype=np.float64), self.model.components
-        if code.shape != (K,) or not np.isfinite(code).all():
-            raise InputError(
-                f"{name}: expected {K} finite numbers, got an array {code.shape}"
-                + (" that is not finite" if code.shape == (K,) else "")
-            )
-        return code
+        return checked_array(z, name, (self.model.components,), largest=LARGEST).copy()
 
     def solve(self, warm: bool = False) -> Pose:
         """Solve for the pose of the present handles.
@@ -244,6 +249,7 @@ class HandleSolver:
         Args:
             solves: largest number of warm solves.
         """
+        checked_integer(solves, "solves", least=1)
         if self.solution is None:
             return self.solve()
         milliseconds = 0.0
@@ -269,15 +275,14 @@ class HandleSolver:
         Raises:
             InputError: `vertex` has no handle, or the position is not 3 finite numbers in reach.
         """
-        position = np.asarray(position, dtype=np.float64)
+        vertex = checked_integer(vertex, "vertex")
+        position = checked_array(position, "position", (3,))
         indices = [h for h, handle in enumerate(self._handles) if handle.vertex == vertex]
         if not indices:
             raise InputError(
                 f"vertex {vertex} has no handle; handles are at "
                 f"{[handle.vertex for handle in self._handles]}"
             )
-        if position.shape != (3,) or not np.isfinite(position).all():
-            raise InputError(f"position: expected 3 finite numbers, got {position.tolist()}")
         check_target(position, self.energy.centroid, self.energy.diagonal)
         target = (float(position[0]), float(position[1]), float(position[2]))
         moved = self.handles
@@ -359,6 +364,13 @@ class HandleSolver:
             prior_distance=float(np.linalg.norm(x.code)),
             energy=state.energy,
         )
+
+
+def _check_parameters(noise: float | None, freedom: float | None) -> None:
+    """Raise InputError for a number that is not positive; None is not checked."""
+    for name, value in (("noise", noise), ("freedom", freedom)):
+        if value is not None:
+            checked_number(value, name, above=0, most=LARGEST)
 
 
 def _keeping_indices(current: list[int], wanted: list[int]) -> list[int]:

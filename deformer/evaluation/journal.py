@@ -80,7 +80,7 @@ class Journal:
         line = json.dumps({"key": key, "rows": rows}, ensure_ascii=False, allow_nan=False)
         try:
             with self._path.open("ab") as file:
-                file.write(line.encode() + b"\n")
+                file.write(f"{line}\n".encode(errors="backslashreplace"))
         except OSError as error:
             error.filename = str(self._path)
             raise
@@ -115,7 +115,10 @@ def _result(value: JsonValue) -> float | int | str:
 
 def write_csv(path: Path, rows: list[Row]) -> None:
     """Write rows as CSV with a header line; an existing file is replaced at the end."""
-    with atomic_path(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+    with (
+        atomic_path(path) as temporary,
+        temporary.open("w", newline="", encoding="utf-8", errors="backslashreplace") as file,
+    ):
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
         writer.writerows([row[column] for column in COLUMNS] for row in rows)

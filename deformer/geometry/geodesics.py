@@ -11,6 +11,7 @@ from collections import OrderedDict
 import numpy as np
 import potpourri3d
 
+from deformer.checks import checked_integer
 from deformer.errors import InputError
 from deformer.geometry.mesh import FloatArray, Mesh, connected_components
 
@@ -54,6 +55,7 @@ class Geodesics:
             InputError: no such vertex.
         """
         V = len(self._labels)
+        vertex = checked_integer(vertex, "vertex")
         if not 0 <= vertex < V:
             raise InputError(f"vertex {vertex} does not exist; the mesh has vertices 0…{V - 1}")
         if vertex in self._cache:

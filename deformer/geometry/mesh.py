@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
+from deformer.checks import as_array, checked_array, checked_indices, checked_integer
 from deformer.errors import InputError
 
 FloatArray = NDArray[np.float64]
@@ -17,7 +18,7 @@ IntArray = NDArray[np.int64]
 
 
 def _check_faces(faces: ArrayLike, vertex_count: int) -> IntArray:
-    array = np.asarray(faces)
+    array = as_array(faces, "faces")
     if array.ndim != 2 or array.shape[1] != 3 or len(array) == 0:
         raise InputError(
             f"faces: expected an array of shape (F, 3) with F > 0, got {array.shape}; "
@@ -35,7 +36,7 @@ def _check_faces(faces: ArrayLike, vertex_count: int) -> IntArray:
 
 
 def _check_vertices(vertices: ArrayLike, ndim: int) -> FloatArray:
-    array = np.asarray(vertices)
+    array = checked_array(vertices, "vertices", finite=False)
     expected = "(V, 3)" if ndim == 2 else "(N, V, 3)"
     if array.ndim != ndim or array.shape[-1] != 3 or 0 in array.shape:
         raise InputError(f"vertices: expected an array of shape {expected}, got {array.shape}")
@@ -110,6 +111,7 @@ class MeshSequence:
         Raises:
             InputError: no such shape.
         """
+        index = checked_integer(index, "shape")
         if not -len(self) <= index < len(self):
             raise InputError(f"shape {index} does not exist; the sequence has {len(self)} shapes")
         return Mesh(self.vertices[index], self.faces)
@@ -120,10 +122,7 @@ class MeshSequence:
         Raises:
             InputError: no such shape.
         """
-        chosen = np.asarray(indices, dtype=np.int64)
-        bad = chosen[(chosen < 0) | (chosen >= len(self))]
-        if len(bad):
-            raise InputError(f"shape {bad[0]} does not exist; the sequence has {len(self)} shapes")
+        chosen = checked_indices(indices, "indices", len(self), what="shape")
         return MeshSequence(self.vertices[chosen], self.faces)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.ndimage import uniform_filter1d
 
+from deformer.checks import checked_array
 from deformer.errors import InputError
 from deformer.geometry.mesh import FloatArray, edges
 from deformer.geometry.rotations import procrustes
@@ -160,8 +161,8 @@ def sted_spatial(truth: ArrayLike, estimate: ArrayLike, faces: ArrayLike) -> flo
 
 def _pair(truth: ArrayLike, estimate: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Both as (N, V, 3) float64."""
-    p = np.asarray(truth, dtype=np.float64)
-    e = np.asarray(estimate, dtype=np.float64)
+    p = checked_array(truth, "truth", finite=False)
+    e = checked_array(estimate, "estimate", finite=False)
     if p.shape != e.shape or p.ndim not in (2, 3) or p.shape[-1] != 3:
         raise InputError(
             f"truth and estimate: expected equal shapes (N, V, 3) or (V, 3), got {p.shape} "

@@ -12,6 +12,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from deformer.checks import checked_array
 from deformer.compilation import called_with, njit
 from deformer.geometry.mesh import FloatArray
 
@@ -227,7 +228,7 @@ def _closest_rotation_batch(T, R):
 
 def log_to_rotation(r: ArrayLike) -> FloatArray:
     """Rotation matrices (..., 3, 3) of rotation vectors r (..., 3), in radians."""
-    flat = np.ascontiguousarray(r, dtype=np.float64)
+    flat = np.ascontiguousarray(checked_array(r, "r", ("...", 3), finite=False))
     out = np.empty((*flat.shape, 3))
     _exp_batch(flat.reshape(-1, 3), out.reshape(-1, 3, 3))
     return out

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deformer.checks import as_array, checked_array, checked_indices, checked_integer
 from deformer.errors import InputError
 from deformer.geometry.mesh import FloatArray, IntArray
 
@@ -34,12 +35,15 @@ def farthest_points(
         InputError: `count` is not in 1…V.
     """
     V = len(geodesics.mesh.vertices)
+    count = checked_integer(count, "count")
     if not 1 <= count <= V:
         raise InputError(f"count: expected 1…{V} points, got {count}")
     if start is None:
         chosen = [int(np.random.default_rng(seed).integers(V))]
     else:
-        chosen = [int(i) for i in np.atleast_1d(np.asarray(start))][:count]
+        chosen = checked_indices(np.atleast_1d(as_array(start, "start")), "start", V).tolist()[
+            :count
+        ]
     return _farthest(geodesics.row, chosen, count)[0]
 
 
@@ -53,6 +57,8 @@ def spread(points: FloatArray, count: int) -> IntArray:
     Returns:
         Indices in order of choice.
     """
+    points = checked_array(points, "points", ("N", "d"))
+    count = checked_integer(count, "count", least=1)
     first = int(np.linalg.norm(points, axis=1).argmin())
     count = min(count, len(points))
     return _farthest(lambda i: np.linalg.norm(points - points[i], axis=1), [first], count)[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from deformer.checks import checked_array
 from deformer.errors import InputError
 from deformer.geometry.mesh import FloatArray, Mesh
 
@@ -40,7 +41,7 @@ class FaceStrain:
         Raises:
             InputError: the shape of the array is not the reference's.
         """
-        p = np.asarray(vertices, dtype=np.float64)
+        p = checked_array(vertices, "vertices", finite=False)
         if p.shape != self._shape:
             raise InputError(
                 f"vertices: expected {self._shape} as the reference has, got {p.shape}"

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 
+from deformer.checks import checked_array
 from deformer.errors import InputError
 from deformer.geometry.mesh import FloatArray, IntArray, Mesh
 
@@ -36,7 +37,7 @@ class Symmetry:
 
     def mirror(self, points: ArrayLike) -> FloatArray:
         """Mirror images of points (..., 3)."""
-        p = np.asarray(points, dtype=np.float64)
+        p = checked_array(points, "points", ("...", 3))
         return p - 2.0 * ((p - self.point) @ self.normal)[..., None] * self.normal
 
 
@@ -75,7 +76,7 @@ def symmetry_about(mesh: Mesh, point: ArrayLike, normal: ArrayLike) -> Symmetry:
     Raises:
         InputError: `normal` is zero, or a number is not finite.
     """
-    origin, direction = np.asarray(point, dtype=np.float64), np.asarray(normal, dtype=np.float64)
+    origin, direction = checked_array(point, "point", (3,)), checked_array(normal, "normal", (3,))
     length = float(np.linalg.norm(direction))
     if not (np.isfinite(origin).all() and np.isfinite(length) and length > 0):
         raise InputError(

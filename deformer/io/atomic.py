@@ -39,8 +39,9 @@ def check_file(path: Path) -> None:
         status = path.stat()
     except FileNotFoundError:
         raise InputError(f"{path}: does not exist; check the path") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
+    except (OSError, ValueError) as error:  # ValueError: a null character in the name
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot be read ({reason}); check the path") from error
     if not stat.S_ISREG(status.st_mode):
         raise InputError(f"{path}: is a directory, pipe or device, expected a file; check the path")
     if status.st_size == 0:

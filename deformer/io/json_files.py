@@ -28,7 +28,8 @@ def write_json(path: PathLike, data: Any) -> None:
     """
     text = json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False, default=_plain)
     with atomic_path(path) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")
+        # Names of files may have bytes that are no text; JSON writes them as \udcff.
+        temporary.write_bytes(f"{text}\n".encode(errors="backslashreplace"))
 
 
 def _plain(value: Any) -> Any:

@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+from deformer.checks import checked_path
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, Mesh, MeshSequence
 from deformer.io.atomic import (
@@ -97,7 +98,7 @@ def load_shapes(path: PathLike, progress: Callable[[int, int], None] | None = No
         InputError: a file is missing, broken or of another kind, or differs from the first in
             vertex count or faces.
     """
-    source = Path(path)
+    source = checked_path(path, "path")
     if source.is_dir():
         return _load_files(_shape_files(source), progress)
     if source.suffix.lower() == ".npz":
@@ -130,7 +131,7 @@ def load_mesh(path: PathLike) -> Mesh:
     Raises:
         InputError: the file is missing, broken or of another kind.
     """
-    return _load_files([Path(path)], None).mesh(0)
+    return _load_files([checked_path(path, "path")], None).mesh(0)
 
 
 def save_mesh(path: PathLike, mesh: Mesh) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from deformer.checks import shortened
 from deformer.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,17 +21,21 @@ def resolve_device(device: str) -> torch.device:
     Raises:
         InputError: another name, or a device that this machine does not have.
     """
+    kind, _, number = device.partition(":") if isinstance(device, str) else ("", "", "")
+    known = kind in ("cpu", "cuda", "mps") and (":" not in device or number.isdecimal())
+    if device != "auto" and not known:
+        raise InputError(
+            f"device: expected cpu, cuda, mps or auto, got {shortened(device)}; choose one"
+        )
     import torch  # the import takes seconds, and most programs never need torch
 
     available = {
-        "cuda": torch.cuda.is_available(),
-        "mps": torch.backends.mps.is_available(),
-        "cpu": True,
+        "cuda": torch.cuda.device_count() if torch.cuda.is_available() else 0,
+        "mps": int(torch.backends.mps.is_available()),
+        "cpu": 1,
     }
     if device == "auto":
-        return torch.device(next(name for name, usable in available.items() if usable))
-    if device.split(":")[0] not in available:
-        raise InputError(f"device: expected cpu, cuda, mps or auto, got {device!r}")
-    if not available[device.split(":")[0]]:
-        raise InputError(f"device {device!r} is not available here; use cpu or auto")
+        return torch.device(next(name for name, count in available.items() if count))
+    if int(number[:9] or 0) >= available[kind]:
+        raise InputError(f"device {shortened(device)} is not available here; use cpu or auto")
     return torch.device(device)

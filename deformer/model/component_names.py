@@ -50,7 +50,7 @@ def check_names(names: Mapping[int, str], components: int) -> dict[int, str]:
 
 def _breaks(name: str) -> bool:
     """True if a name is too long for a table, or has characters that break a line of one."""
-    controls = {"Cc", "Zl", "Zp"}
+    controls = {"Cc", "Cs", "Zl", "Zp"}
     return len(name) > _LONGEST or any(unicodedata.category(c) in controls for c in name)
 
 

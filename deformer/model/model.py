@@ -13,7 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deformer.acap import FeatureScaler
-from deformer.checks import LARGEST, checked_array, checked_instance, checked_number, shortened
+from deformer.checks import (
+    LARGEST,
+    check_memory,
+    checked_array,
+    checked_instance,
+    checked_number,
+    shortened,
+)
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, Mesh, one_rings
 from deformer.model.bend_limits import BendLimits
@@ -277,12 +284,12 @@ class DeformationModel:
         Raises:
             InputError: another shape of the array.
         """
-        codes = np.asarray(z, dtype=np.float64)
-        if codes.ndim not in (1, 2) or codes.shape[-1] != self.components:
-            raise InputError(
-                f"z: expected ({self.components},) or (N, {self.components}), got {codes.shape}"
-            )
-        flat = codes.reshape(-1, self.components)
+        K, V = self.components, len(self.reference.vertices)
+        codes = checked_array(z, "z", (K,), ("N", K), largest=LARGEST)
+        flat = codes.reshape(-1, K)
+        check_memory(2 * 24 * V * len(flat), f"z: {len(flat)} codes of {V} vertices")
+        if not len(flat):
+            return np.empty((0, V, 3))
         p = np.stack([self.decode_centred(row) for row in flat])
         p += self.centroid_offset(flat)[:, None]
         return p[0] if codes.ndim == 1 else p

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deformer.acap import FeatureScaler
-from deformer.checks import LARGEST
+from deformer.checks import LARGEST, checked_path
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, connectivity_hash
 from deformer.io import (
@@ -152,7 +152,7 @@ def load_model(path: str | Path) -> DeformationModel:
         InputError: no such model, a missing or altered file, another format version, or a
             reference mesh that does not match the weights.
     """
-    folder = Path(path)
+    folder = checked_path(path, "path")
     if not folder.is_dir() and len(folder.parts) == 1 and folder.name in shipped_models():
         # Installed packages are directories: every shipped file has a real path.
         folder = Path(str(resources.files("deformer_models").joinpath(folder.name)))

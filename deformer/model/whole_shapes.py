@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deformer.acap import extract_all, gradient_tangents
+from deformer.checks import checked_array, checked_integer
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, align
 from deformer.linalg import Damping, damped_step, descend
@@ -31,6 +32,7 @@ def encode_shapes(model: DeformationModel, vertices: ArrayLike) -> FloatArray:
 
 def fit_shapes(model: DeformationModel, vertices: ArrayLike, iterations: int) -> FloatArray:
     """Codes of `model` that fit `vertices` in at most `iterations`; see `DeformationModel.fit`."""
+    checked_integer(iterations, "iterations", least=0)
     shapes, single = _prepared(model, vertices)
     codes = np.stack(
         [
@@ -106,7 +108,7 @@ def tangents(model: DeformationModel, z: FloatArray) -> FloatArray:
 
 def _prepared(model: DeformationModel, vertices: ArrayLike) -> tuple[FloatArray, bool]:
     """Shapes (N, V, 3), checked and aligned as `model` wants them; True if only one was given."""
-    shapes = np.asarray(vertices, dtype=np.float64)
+    shapes = checked_array(vertices, "vertices", finite=False)
     single = shapes.ndim == 2
     if single:
         shapes = shapes[None]
@@ -116,6 +118,8 @@ def _prepared(model: DeformationModel, vertices: ArrayLike) -> tuple[FloatArray,
             f"vertices: expected ({V}, 3) or (N, {V}, 3) as the model's reference has, got "
             f"{np.asarray(vertices).shape}"
         )
+    if not len(shapes):
+        raise InputError("vertices: expected at least one shape, got none; give one")
     if not np.isfinite(shapes).all():
         raise InputError("vertices: not all positions are finite; repair the shape")
     if model.config.align:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from deformer.checks import checked_instance
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, MeshSequence, procrustes
 from deformer.preflight import frames
@@ -40,6 +41,7 @@ def examine(shapes: MeshSequence, names: Sequence[str] | None = None) -> Report:
     Raises:
         InputError: another number of names than shapes.
     """
+    checked_instance(shapes, "shapes", MeshSequence, remedy="load shapes with load_shapes")
     if names is not None and len(names) != len(shapes):
         raise InputError(f"names: got {len(names)}, expected one for each of {len(shapes)} shapes")
     label = Labels(names)

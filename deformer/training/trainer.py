@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -10,12 +11,28 @@ from typing import Any
 
 import numpy as np
 
+from deformer.checks import (
+    check_memory,
+    checked_choice,
+    checked_flag,
+    checked_indices,
+    checked_instance,
+    checked_integer,
+    checked_path,
+    shortened,
+)
 from deformer.errors import InputError
 from deformer.geometry import Mesh, MeshSequence, align, e_rms
 from deformer.io import locked
 from deformer.linalg import resolve_device
 from deformer.model import DeformationModel
-from deformer.network import FactorisationSettings, ModelConfig, resolve_config
+from deformer.network import (
+    FEATURES,
+    AdamSettings,
+    FactorisationSettings,
+    ModelConfig,
+    resolve_config,
+)
 from deformer.training.checkpoints import (
     Stages,
     check_checkpoint,
@@ -77,15 +94,18 @@ def train(
 
     Source: Tan et al. 2018; `docs/equations.md` says which function has which of its equations.
     """
+    checked_instance(shapes, "shapes", MeshSequence, remedy="load shapes with load_shapes")
     settings = resolve_config(config, components=components, epochs=epochs, align=align_shapes)
+    checked_integer(seed, "seed", least=0, most=2**63 - 1)
+    checked_flag(resume, "resume")
     if device not in ("cpu", "auto"):  # torch takes seconds to import; Adam alone needs it
         resolve_device(device)
-    if up.removeprefix("-") not in ("x", "y", "z"):
-        raise InputError(f"up: expected x, y, z, -x, -y or -z, got {up!r}")
+    checked_choice(up, "up", ("x", "y", "z", "-x", "-y", "-z"))
     if resume and (checkpoint is None or not has_checkpoint(checkpoint)):
         raise InputError(f"{checkpoint}: no checkpoint to resume; start without resuming")
-    folder = Path(checkpoint) if checkpoint is not None else None
-    split = {"train": list(range(len(shapes))), "test": [], **(split or {})}
+    _check_size(shapes, settings)
+    folder = checked_path(checkpoint, "checkpoint") if checkpoint is not None else None
+    split = _checked_split({} if split is None else split, len(shapes))
     indices = split["train"]
     if len(indices) < 2:
         raise InputError(
@@ -172,6 +192,37 @@ def check_resumable(
     """
     settings = resolve_config(config, components=components, epochs=epochs, align=align_shapes)
     check_identity(checkpoint, _identity(settings, seed))
+
+
+def _checked_split(split: Any, count: int) -> dict[str, list[int]]:
+    """Indices of training and test shapes; all train where `split` does not say which."""
+    if not isinstance(split, Mapping) or not set(split) <= {"train", "test"}:
+        raise InputError(
+            f"split: expected {{'train': indices, 'test': indices}}, got {shortened(split)}; "
+            "correct it"
+        )
+    parts = {"train": range(count), "test": (), **split}
+    return {
+        part: checked_indices(parts[part], f"split: {part}", count, what="shape").tolist()
+        for part in ("train", "test")
+    }
+
+
+def _check_size(shapes: MeshSequence, settings: ModelConfig) -> None:
+    """Raise InputError for more components than features, or than memory holds."""
+    (N, V), K = shapes.vertices.shape[:2], settings.components
+    if K > FEATURES * V:
+        raise InputError(
+            f"components: expected at most {FEATURES * V}, {FEATURES} for each of {V} vertices, "
+            f"got {shortened(K)}; ask for less"
+        )
+    width, mixed = FEATURES, 0
+    if isinstance(settings.training, AdamSettings):
+        width, mixed = max(FEATURES, *settings.layers), settings.training.mixed_shapes
+    # In single precision: the components with three arrays of their size, the features of the
+    # examples, of their mirror images and of mixed shapes; in double precision, K by K matrices.
+    size = 4 * V * width * (4 * K + 4 * N + 2 * mixed) + 4 * 8 * K * K
+    check_memory(size, f"training: {K} components, layers {settings.layers}, {V} vertices")
 
 
 def _identity(config: ModelConfig, seed: int) -> dict[str, Any]:

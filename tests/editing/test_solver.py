@@ -421,8 +421,8 @@ def test_more_noise_trusts_the_prior_more(model):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (([0, 120], np.zeros((2, 3))), r"handle 1: vertex 120 .*0…119"),
-        (([0, -1], np.zeros((2, 3))), r"handle 1: vertex -1 "),
+        (([0, 120], np.zeros((2, 3))), r"vertices\[1\]: vertex 120 .*0…119"),
+        (([0, -1], np.zeros((2, 3))), r"vertices\[1\]: vertex -1 "),
         (([3, 4], [[0, 0, 0], [0, np.nan, 0]]), r"handle 1: target \[0.0, nan, 0.0\]"),
         (([3, 4], [[0, 0, 0], [np.inf, 0, 0]]), "handle 1: target"),
         (([3, 4], np.zeros((2, 3)), [1.0, 0.0]), "handle 1: weight 0"),
@@ -451,7 +451,7 @@ def test_wrong_drags_are_refused(model):
     with pytest.raises(InputError, match=r"vertex 8 has no handle.*\[7, 9\]"):
         solver.drag(8, [0, 0, 0])
     for position in ([0, 0], [0, 0, np.nan], [[0, 0, 0]]):
-        with pytest.raises(InputError, match="3 finite numbers"):
+        with pytest.raises(InputError, match=r"position.*expected"):
             solver.drag(7, position)
     for noise in (0.0, -1.0, np.nan):
         with pytest.raises(InputError, match="noise"):
@@ -581,7 +581,7 @@ def test_a_lone_handle_carries_the_shape_along_or_bends_it(model, diagonal):
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [({"noise": 0.0}, "noise"), ({"freedom": -1.0}, "freedom"), ({"noise": np.nan}, "noise"),
-     ({"mean": [1.0]}, "mean: expected 6"), ({"mean": [np.inf] * 6}, "not finite")],
+     ({"mean": [1.0]}, "mean: expected .6,"), ({"mean": [np.inf] * 6}, "expected a finite")],
 )  # fmt: skip
 def test_a_prior_that_makes_no_sense_is_refused(model, wrong, said):
     with pytest.raises(InputError, match=said):

@@ -7,6 +7,17 @@ from typing import Annotated
 
 import typer
 
+# Most shapes, and pictures of a row, that a command makes: a sheet and an animation hold no more.
+MOST_SHAPES = 10_000
+# Most pictures of a full turn.
+MOST_VIEWS = 1000
+# Most steps of a training: the names of its checkpoints have seven digits.
+MOST_EPOCHS = 9_999_999
+# Most splits, seeds and processes of an evaluation, and the largest number in a list of numbers.
+MOST_RUNS, MOST_LISTED = 1000, 1_000_000
+# Largest seed that all generators of random numbers take.
+MOST_SEED = 2**63 - 1
+
 SHAPES_HELP = "Directory of OBJ, PLY, OFF, STL or GLB files in natural name order, or one NPZ."
 MODEL_HELP = "A model's directory, or the name of a shipped model."
 

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from deformer_app import console
-from deformer_app.cli.arguments import Json, examples, words
+from deformer_app.cli.arguments import MOST_EPOCHS, MOST_LISTED, MOST_RUNS, Json, examples, words
 
 app = typer.Typer()
 
@@ -72,11 +72,14 @@ def evaluate(
         str | None, typer.Option(help="Numbers of control points.  \\[default: 5,10,20,40,80]")
     ] = None,
     splits: Annotated[
-        int | None, typer.Option(min=1, help="How many random splits.  \\[default: 1]")
+        int | None,
+        typer.Option(min=1, max=MOST_RUNS, help="How many random splits.  \\[default: 1]"),
     ] = None,
     seeds: Annotated[
         int | None,
-        typer.Option(min=1, help="First control points drawn for each split.  \\[default: 1]"),
+        typer.Option(
+            min=1, max=MOST_RUNS, help="First control points drawn for each split.  \\[default: 1]"
+        ),
     ] = None,
     split: Annotated[
         list[Path] | None,
@@ -105,13 +108,15 @@ def evaluate(
     epochs: Annotated[
         int | None,
         typer.Option(
-            min=1, help="At most so many steps of a network's training.  \\[default: its own]"
+            min=1,
+            max=MOST_EPOCHS,
+            help="At most so many steps of a network's training.  \\[default: its own]",
         ),
     ] = None,
     tests: Annotated[
         int | None, typer.Option(min=1, help="Measure on at most so many test shapes.")
     ] = None,
-    processes: Annotated[int, typer.Option(min=1, help="Trainings at a time.")] = 1,
+    processes: Annotated[int, typer.Option(min=1, max=MOST_RUNS, help="Trainings at a time.")] = 1,
     as_json: Json = False,
 ) -> None:
     """Measure how well methods recover shapes that they have not seen; write tables and a report.
@@ -152,9 +157,16 @@ def _numbers(name: str, text: str | None) -> tuple[int, ...] | None:
     """Whole numbers with commas between them, each once, in order."""
     if text is None:
         return None
-    try:
-        return tuple(sorted({int(word) for word in text.split(",")}))
-    except ValueError:
+    given = {word.strip() for word in text.split(",")}
+    if not all(word.isdecimal() and len(word) < 20 for word in given):
         raise typer.BadParameter(
-            f"expected whole numbers with commas between, got {text!r}", param_hint=f"--{name}"
-        ) from None
+            f"expected whole numbers with commas between, got {text[:60]!r}",
+            param_hint=f"--{name}",
+        )
+    numbers = sorted(map(int, given))
+    if not 1 <= numbers[0] <= numbers[-1] <= MOST_LISTED:
+        raise typer.BadParameter(
+            f"expected numbers of 1…{MOST_LISTED}, got {text[:60]!r}",
+            param_hint=f"--{name}",
+        )
+    return tuple(numbers)

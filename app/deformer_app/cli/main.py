@@ -15,7 +15,15 @@ import typer
 
 from deformer_app import console
 from deformer_app.cli import evaluate as evaluate_command, shapes as shape_commands
-from deformer_app.cli.arguments import MODEL_HELP, Json, Shapes, examples, refuse_inputs
+from deformer_app.cli.arguments import (
+    MODEL_HELP,
+    MOST_EPOCHS,
+    MOST_SEED,
+    Json,
+    Shapes,
+    examples,
+    refuse_inputs,
+)
 
 if TYPE_CHECKING:
     from deformer import DeformationModel, MeshSequence
@@ -123,7 +131,9 @@ def train(
     components: Annotated[int, typer.Option(min=1, help="Latent dimensions K.")] = 50,
     epochs: Annotated[
         int | None,
-        typer.Option(min=1, help="Steps of the optimiser.  [default: the configuration's]"),
+        typer.Option(
+            min=1, max=MOST_EPOCHS, help="Steps of the optimiser.  [default: the configuration's]"
+        ),
     ] = None,
     split: Annotated[
         Path | None,
@@ -131,7 +141,7 @@ def train(
             help='JSON {"train": \\[indices], "test": \\[indices]}; trains on all if absent.'
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=MOST_SEED, help="Seed of everything random.")] = 0,
     device: Annotated[str, typer.Option(help="auto, cpu, cuda or mps.")] = "auto",
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on from the checkpoint of an interrupted run.")

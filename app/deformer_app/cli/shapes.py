@@ -8,7 +8,15 @@ from typing import Annotated
 import typer
 
 from deformer_app import console
-from deformer_app.cli.arguments import Json, Model, examples, refuse_inputs
+from deformer_app.cli.arguments import (
+    MOST_SEED,
+    MOST_SHAPES,
+    MOST_VIEWS,
+    Json,
+    Model,
+    examples,
+    refuse_inputs,
+)
 
 app = typer.Typer()
 
@@ -39,7 +47,10 @@ def components(
         ),
     ] = 3,
     turntable: Annotated[
-        int, typer.Option(min=0, help="Pictures of a full turn around each; 0 draws none.")
+        int,
+        typer.Option(
+            min=0, max=MOST_VIEWS, help="Pictures of a full turn around each; 0 draws none."
+        ),
     ] = 16,
     as_json: Json = False,
 ) -> None:
@@ -126,9 +137,10 @@ def synthesize(
         ),
     ] = None,
     random: Annotated[
-        int | None, typer.Option(min=1, help="Draw so many shapes from the latent prior.")
+        int | None,
+        typer.Option(min=1, max=MOST_SHAPES, help="Draw so many shapes from the latent prior."),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of --random.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=MOST_SEED, help="Of --random.")] = 0,
     bound: Annotated[
         float,
         typer.Option(
@@ -186,7 +198,8 @@ def interpolate(
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help=FOLDER_HELP)],
     steps: Annotated[
-        int, typer.Option(min=2, help="Shapes from one to the next, both counted.")
+        int,
+        typer.Option(min=2, max=MOST_SHAPES, help="Shapes from one to the next, both counted."),
     ] = 9,
     spaces: Annotated[
         str, typer.Option(help="Of latent, features, linear; with commas between.")

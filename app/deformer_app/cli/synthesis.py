@@ -22,7 +22,7 @@ from deformer import (
     vertex_errors,
 )
 from deformer_app.cli import fit as fitting
-from deformer_app.cli.arguments import words
+from deformer_app.cli.arguments import MOST_SHAPES, words
 from deformer_app.cli.folders import output_folder
 from deformer_app.rendering.animation import save_animation, side_by_side, there_and_back
 from deformer_app.rendering.offscreen import contact_sheet
@@ -30,6 +30,7 @@ from deformer_app.rendering.sheets import draw, save_sheet, sheet
 
 Progress = Callable[[int, int], None]
 FPS = 12  # of animations
+_LONGEST_NUMBER = 20  # digits
 _SYNTHESIZED = r"sweep-\d+\.(npz|gif)|shapes\.npz|sheet\.png"
 _INTERPOLATED = r"(latent|features|linear)\.npz|sheet\.png|path\.gif|lengths\.json"
 
@@ -157,36 +158,30 @@ def start_code(model: DeformationModel, text: str) -> NDArray | None:
     """
     if text == "reference":
         return None
-    if text.isdigit() or text.lower().endswith(".json"):
+    if text.isdecimal() or text.lower().endswith(".json"):
         return _stored_code(model, text)
     return model.fit(_loaded(model, Path(text)))
 
 
 def _stored_code(model: DeformationModel, text: str) -> NDArray:
     """Code (K,) of a training shape by its number, or from a JSON file."""
-    if text.isdigit():
+    if text.isdecimal():
         rows = model.split["train"]
-        if int(text) not in rows:
+        number = int(text) if len(text) < _LONGEST_NUMBER else -1
+        if number not in rows:
             raise InputError(
-                f"shape {text}: not one that the model was trained on (of {min(rows)}…{max(rows)})"
+                f"shape {text[:_LONGEST_NUMBER]}: not one that the model was trained on (of "
+                f"{min(rows)}…{max(rows)})"
             )
-        return model.codes[rows.index(int(text))]
-    try:
-        code = np.asarray(io.read_json(text).get("z"), dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        code = np.empty(0)
-    if code.shape != (model.components,) or not np.isfinite(code).all():
-        raise InputError(f"{text}: expected 'z' with the model's {model.components} numbers")
-    return code
+        return model.codes[rows.index(number)]
+    return np.array(io.read_value(text)["z"].numbers(model.components, largest=io.LARGEST))
 
 
 def _shape(model: DeformationModel, text: str) -> NDArray:
     """Vertices (V, 3) of a shape named on the command line; a mesh file is not encoded."""
     if text == "reference":
         return model.reference.vertices
-    if text.isdigit() or text.lower().endswith(".json"):
+    if text.isdecimal() or text.lower().endswith(".json"):
         return model.decode(_stored_code(model, text))
     return _loaded(model, Path(text))
 
@@ -238,7 +233,7 @@ def _weights(text: str) -> dict[int | str, float]:
         except ValueError:
             sign, weight = "", 0.0
         if not sign:
-            raise InputError(f"--weights: got {part!r}, expected COMPONENT=NUMBER, as 3=0.8")
+            raise InputError(f"--weights: got {part[:60]!r}, expected COMPONENT=NUMBER, as 3=0.8")
         if key.strip() in weights:
             raise InputError(f"--weights: component {key.strip()} is given twice; give it once")
         weights[key.strip()] = weight
@@ -250,12 +245,16 @@ def _sweep(text: str) -> tuple[str, NDArray]:
     key, _, span = text.partition("=")
     try:
         first, last, count = span.split(":")
-        values = np.linspace(float(first), float(last), int(count))
+        low, high, number = float(first), float(last), int(count)
     except ValueError:
-        values = np.empty(0)
-    if not len(values):
-        raise InputError(f"--sweep: got {text!r}, expected COMPONENT=FIRST:LAST:COUNT, as 3=-1:1:9")
-    return key.strip(), values
+        low, high, number = 0.0, 0.0, 0
+    if number < 1 or max(abs(low), abs(high)) > io.LARGEST or low != low or high != high:
+        raise InputError(
+            f"--sweep: got {text[:60]!r}, expected COMPONENT=FIRST:LAST:COUNT, as 3=-1:1:9"
+        )
+    if number > MOST_SHAPES:
+        raise InputError(f"--sweep: expected a COUNT of 1…{MOST_SHAPES}, got {text[:60]!r}")
+    return key.strip(), np.linspace(low, high, number)
 
 
 def _decoded(model: DeformationModel, goal: DeformationModel, z: NDArray) -> NDArray:
