@@ -17,6 +17,7 @@ from deformer.checks import (
     LARGEST,
     check_memory,
     checked_array,
+    checked_choice,
     checked_instance,
     checked_integer,
     checked_number,
@@ -105,6 +106,10 @@ def fit_sequence(
     index, goals, factors, exact = _checked(model, vertices, targets, weights, hard)
     checked_number(smoothness, "smoothness", least=0, most=LARGEST)
     checked_integer(relaxation, "relaxation", least=0)
+    if backend is not None:
+        checked_choice(backend, "backend", ("numba", "torch"))
+    if device not in ("cpu", "auto"):  # before the solver, which may compile kernels
+        resolve_device(device)
     # In a motion the body may go anywhere: the rigid motion has the diffuse prior alone.
     solver = HandleSolver(model, rigid=rigid, noise=noise, freedom=1.0)
     basis = solver.basis
@@ -168,8 +173,6 @@ def _first_guess(
 
 def _backend(basis: HandleBasis, device: str, backend: str | None) -> Frames:
     """`Frames` of a backend on a device; see `fit_sequence`."""
-    if backend not in (None, "numba", "torch"):
-        raise InputError(f"backend: expected numba or torch, got {backend!r}")
     if device == "auto" and (backend == "numba" or not basis.model.decoder.pointwise):
         device = "cpu"  # torch knows networks of one layer only
     if device != "cpu":
