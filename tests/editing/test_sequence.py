@@ -414,7 +414,7 @@ REFUSED = {
     "nan smoothness": ({"smoothness": np.nan}, "smoothness: .* got nan"),
     "noise": ({"noise": 0.0}, "noise: expected .* above 0"),
     "device": ({"device": "abacus"}, "device: expected .* got 'abacus'"),
-    "backend": ({"backend": "abacus"}, "backend: expected numba or torch, got 'abacus'"),
+    "backend": ({"backend": "abacus"}, "backend: expected one of numba, torch, got 'abacus'"),
     "backend as a device": ({"device": "torch"}, "device: expected .* got 'torch'"),
 }
 
