@@ -76,7 +76,8 @@ def symmetry_about(mesh: Mesh, point: ArrayLike, normal: ArrayLike) -> Symmetry:
     Raises:
         InputError: `normal` is zero, or a number is not finite.
     """
-    origin, direction = checked_array(point, "point", (3,)), checked_array(normal, "normal", (3,))
+    origin = checked_array(point, "mirror plane: point", (3,))
+    direction = checked_array(normal, "mirror plane: normal", (3,))
     length = float(np.linalg.norm(direction))
     if not (np.isfinite(origin).all() and np.isfinite(length) and length > 0):
         raise InputError(

@@ -332,7 +332,7 @@ def test_mistakes_are_one_line(refuse, shapes_path, model_path, tmp_path):
     assert "--smoothness" in refuse("fit", model_path, many, "-o", poses, "--smoothness", "-1")
     assert "smoothness" in refuse("fit", model_path, many, "-o", poses, "--smoothness", "nan")
     assert "abacus" in refuse("fit", model_path, many, "-o", poses, "--device", "abacus")
-    assert "numba or torch" in refuse("fit", model_path, many, "-o", poses, "--backend", "abacus")
+    assert "numba, torch" in refuse("fit", model_path, many, "-o", poses, "--backend", "abacus")
     assert not poses.exists()
     assert "does not exist" in refuse("fit", model_path, good, "-o", nowhere / "pose.ply")
     assert "broken.json" in refuse("train", shapes_path, "-o", nowhere, "--split", broken)
@@ -357,9 +357,9 @@ def test_a_fault_of_the_program_keeps_its_traceback(monkeypatch, shapes_path):
     def fail(*_):
         raise RuntimeError("a fault")
 
-    monkeypatch.setattr(deformer, "load_shapes", fail)
+    monkeypatch.setattr(deformer, "load_model", fail)
     with pytest.raises(RuntimeError, match="a fault"):
-        console.run(cli.app, ["check", str(shapes_path)])
+        console.run(cli.app, ["info", str(shapes_path)])
 
 
 def test_numbers_that_json_cannot_hold_become_null(capsys):
