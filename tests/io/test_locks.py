@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 
 import pytest
 
@@ -77,6 +78,7 @@ def test_no_two_hold_it_while_its_file_comes_and_goes(tmp_path):
         for _ in range(100):
             with io.locked(tmp_path / "out", wait=60):
                 inside.append(1)
+                time.sleep(0.001)  # lets the other threads come in
                 if len(inside) != 1:
                     faults.append(len(inside))
                 inside.pop()
