@@ -249,17 +249,17 @@ def checked_indices(
 
 
 def check_memory(size: float, what: str) -> None:
-    """Raise InputError if `what` would take more bytes than this machine has memory.
+    """Raise InputError if `what` would take more than half of this machine's memory.
 
     Args:
         size: estimate of the memory, in bytes.
         what: subject of the message, with the numbers that the user can change.
     """
-    memory = _memory()
+    memory = 0.5 * _memory()
     if size > memory:
         raise InputError(
             f"{what}: would take {size / 1e9:.3g} GB of memory, expected at most the "
-            f"{memory / 1e9:.3g} GB of this machine; ask for less"
+            f"{memory / 1e9:.3g} GB that are half of this machine's; ask for less"
         )
 
 
