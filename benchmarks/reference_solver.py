@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from deformer import DeformationModel, Pose
-from deformer.geometry import one_rings
+from deformer.geometry import site_rings
 from deformer.network import MeshAutoencoder
 
 # Prior standard deviations of the rigid motion: radians, and bounding diagonals.
@@ -84,6 +84,7 @@ class ReferenceSolver:
         self._centroid, self._diagonal = v.mean(axis=0), model.reference.bounding_diagonal
         self._edge_weights = c
         self._divergence, _ = self._operators(v)
+        self._divergence = self._with_links(self._divergence)
         self._laplacian = sparse.csc_array(_row_sums(c) - c)
         # A thin plate under tension, L A⁻¹ L / α + L = (L A⁻¹ / α + I) L.
         f = model.reference.faces
@@ -95,7 +96,7 @@ class ReferenceSolver:
         self._plate = self._bending @ self._laplacian
         # Vertex 0 is fixed, because L does not determine the translation.
         self._factor = splu(self._laplacian[1:, 1:])
-        rings = one_rings(f, len(v))
+        rings = site_rings(model.reference)
         network = MeshAutoencoder.from_weights(model.weights, *rings)
         self._network = network.double().requires_grad_(False)
         # The network has rounded this to single precision.
@@ -137,8 +138,9 @@ class ReferenceSolver:
         np.add.at(self._targets, index, factors[:, None] * self._given_targets)
         self._targets /= self._weights[:, None]
         V = len(self.model.reference.vertices)
+        sites = V + len(self.model.reference.links)
         self._coefficients = np.array([self._coefficients_of(h) for h in self._vertices]).reshape(
-            -1, 3 * V
+            -1, 3 * sites
         )
         self._free = np.delete(np.arange(V), self._exact)
         self._free_factor = None
@@ -212,7 +214,7 @@ class ReferenceSolver:
         return self._diagonal * (offset + z @ gain.T)
 
     def _gradients(self, z: Tensor) -> Tensor:
-        """Deformation gradients T = exp(r) S, (n, V, 3, 3), of latent codes (n, K)."""
+        """Deformation gradients T = exp(r) S, (n, V+B, 3, 3), of latent codes (n, K)."""
         gain, offset = self.model.scaler.gain, self.model.scaler.offset
         q = self._network.decode(z).transpose(0, 1) * torch.tensor(gain) + torch.tensor(offset)
         # Features are xx xy xz yy yz zz of S.
@@ -233,8 +235,24 @@ class ReferenceSolver:
         divergence = [sparse.csr_array(S + E) / 2 for S, E in zip(sums, edges, strict=True)]
         return divergence, [sparse.csr_array(S - E) for S, E in zip(sums, edges, strict=True)]
 
+    def _with_links(self, divergence: list[sparse.csr_array]) -> list[sparse.csr_array]:
+        """Matrices (V, V+B) that add (T_b − T_j) a to row i, and take it from row j, of each link.
+
+        a = (α, 0, 0), so that only the first column of T counts.
+        """
+        links = self.model.reference.links
+        V, B = len(self.model.reference.vertices), len(links)
+        i, j = links.T
+        b = V + np.arange(B)
+        alpha = np.full(B, self.model.poisson.lever[0])
+        columns = np.concatenate([b, b, j, j])
+        data = np.concatenate([alpha, -alpha, -alpha, alpha])
+        moves = sparse.csr_array((data, (np.concatenate([i, j, i, j]), columns)), shape=(V, V + B))
+        wide = [sparse.hstack([D, sparse.csr_array((V, B))], format="csr") for D in divergence]
+        return [sparse.csr_array(wide[0] + moves), *wide[1:]]
+
     def _rhs(self, T: Array) -> Array:
-        """Right-hand side b (V, 3) of gradients (V, 3, 3)."""
+        """Right-hand side b (V, 3) of gradients (V+B, 3, 3)."""
         return _times(self._divergence, T)
 
     def _free_solution(self, b: Array) -> Array:
@@ -244,7 +262,7 @@ class ReferenceSolver:
         return p - p.mean(axis=0)
 
     def _coefficients_of(self, vertex: int) -> Array:
-        """Adjoint weights (3V,) of a vertex: p_h = Σ_i T_i a_i for the centred free solution.
+        """Adjoint weights (3V+3B,) of a vertex: p_h = Σ_i T_i a_i for the centred free solution.
 
         p_h = gᵀ b with L g = e_h − 1/V, and b = Σ_x B_x T_x, so that a_x = B_xᵀ g.
         """
@@ -356,7 +374,7 @@ class ReferenceSolver:
         """
         divergence, covariance = self._operators(self._free_solution(self._rhs(T)))
         if self._R is None:
-            R = np.tile(np.eye(3), (len(T), 1, 1))
+            R = np.tile(np.eye(3), (len(self.model.reference.vertices), 1, 1))
             p = self._global(_times(divergence, R), targets)
             for _ in range(rounds):
                 R = self._local(covariance, p, R)

@@ -1,11 +1,17 @@
+from .displacements import (
+    link_lever as link_lever,
+    undisplaced as undisplaced,
+)
 from .features import (
-    STRETCH_COLUMNS as STRETCH_COLUMNS,
-    STRETCH_ROWS as STRETCH_ROWS,
     FeatureExtractor as FeatureExtractor,
     extract_all as extract_all,
     extract_features as extract_features,
-    features_to_gradients as features_to_gradients,
     vertex_normals as vertex_normals,
+)
+from .gradients import (
+    STRETCH_COLUMNS as STRETCH_COLUMNS,
+    STRETCH_ROWS as STRETCH_ROWS,
+    features_to_gradients as features_to_gradients,
 )
 from .jacobians import (
     gradient_tangents as gradient_tangents,

@@ -29,6 +29,8 @@ MAX_EDGE_JUMP = 0.5 * math.pi
 # Within this angle of a whole turn (radians) vertices are bridged at first.
 WHOLE_TURN_RADIUS = 0.5 * math.pi
 _TURN = 2.0 * math.pi
+# Rotations by less than this (radians) have no axis to turn about.
+_UNDEFINED_AXIS = 0.5
 
 
 # Arguments that the compiled functions share: rotations R (V, 3, 3) and their principal logarithms
@@ -267,3 +269,30 @@ def continuous_logs(
             break
         _interpolate_(R, indptr, rings, bridged, r, 30)
     return r, bridged
+
+
+def join_components(r: FloatArray, links: IntArray, labels: IntArray) -> None:
+    """Turn the rotation vectors of components as those of the components that they are linked to.
+
+    A component's rotation vectors change by the whole turns that bring the vector at its link
+    nearest to the one at the other end. A component with rotations near the identity, whose axes
+    are undefined, stays as it is. A vertex without a face gets the vector at the other end.
+
+    Args:
+        r: (V, 3) rotation vectors, continuous over every component; changed in place.
+        links: (B, 2), as `Mesh.links`.
+        labels: (V,) connected component of every vertex.
+    """
+    counts = np.bincount(labels)
+    for i, j in links.tolist():
+        if counts[labels[i]] == 1:
+            r[i] = r[j]
+            continue
+        part = np.flatnonzero(labels == labels[i])
+        angles = np.linalg.norm(r[part], axis=1)
+        if angles.min() < _UNDEFINED_AXIS:
+            continue
+        angle = np.linalg.norm(r[i])
+        turns = np.rint((r[j] @ r[i] / angle - angle) / _TURN)
+        along = np.sign(r[part] @ r[i])
+        r[part] *= (1.0 + along * turns * _TURN / angles)[:, None]

@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
 
-from deformer.acap.consistent_rotations import continuous_logs
+from deformer.acap.consistent_rotations import continuous_logs, join_components
+from deformer.acap.displacements import link_features
+from deformer.acap.gradients import STRETCH_COLUMNS, STRETCH_ROWS, features_to_gradients
 from deformer.checks import checked_array, checked_instance
 from deformer.compilation import njit
 from deformer.errors import InputError
@@ -26,19 +28,14 @@ from deformer.geometry import (
     closest_rotations,
     connected_components,
     cotan_weights,
-    exp_,
     graph_laplacian,
     log_to_rotation,
     one_rings,
     rhs_matrix,
 )
-from deformer.linalg import SparseCholesky, in_parallel, over_ranges
+from deformer.linalg import SparseCholesky, in_parallel
 
 Progress = Callable[[int, int], None]
-
-# Upper triangle of a symmetric 3×3 matrix in the order of the features: xx xy xz yy yz zz.
-STRETCH_ROWS = np.array([0, 0, 0, 1, 1, 2])
-STRETCH_COLUMNS = np.array([0, 1, 2, 1, 2, 2])
 
 # Weight of the equation T n = n' for the vertex normals, relative to the edges of a one-ring. Flat
 # rings need it, and it keeps noise from the stretch of nearly flat ones along the normal.
@@ -133,42 +130,6 @@ def _stretches(T, R, s):
                 n += 1
 
 
-@njit(nogil=True, error_model="numpy")
-def gradient_(q, R, T):
-    """T (3, 3) = exp(r) S and R (3, 3) = exp(r) of a feature q (9,) = (r, S).
-
-    The one double-precision version of T = R S (Tan et al. 2018, section 3).
-    """
-    exp_(q, R)
-    for a in range(3):
-        x, y, z = R[a, 0], R[a, 1], R[a, 2]
-        T[a, 0] = x * q[3] + y * q[4] + z * q[5]
-        T[a, 1] = x * q[4] + y * q[6] + z * q[7]
-        T[a, 2] = x * q[5] + y * q[7] + z * q[8]
-
-
-@njit(nogil=True, error_model="numpy")
-def _to_gradients(start, stop, q, T):
-    R = np.empty((3, 3))
-    for i in range(start, stop):
-        gradient_(q[i], R, T[i])
-
-
-def features_to_gradients(q: ArrayLike) -> FloatArray:
-    """Deformation gradients T = exp(r) S, (..., 3, 3), of features q (..., 9).
-
-    Raises:
-        InputError: the last dimension is not 9.
-    """
-    features = np.ascontiguousarray(checked_array(q, "features", finite=False))
-    if features.shape[-1] != 9:
-        raise InputError(f"features: expected (..., 9), got {features.shape}")
-    T = np.empty((*features.shape[:-1], 3, 3))
-    flat = features.reshape(-1, 9)
-    over_ranges(_to_gradients, len(flat), flat, T.reshape(-1, 3, 3))
-    return T
-
-
 class FeatureExtractor:
     """Extracts features of shapes against one reference.
 
@@ -260,6 +221,8 @@ class FeatureExtractor:
     def extract(self, vertices: ArrayLike) -> FloatArray:
         """Features (V, 9) of `vertices` (V, 3): rotation vector, then xx xy xz yy yz zz of S.
 
+        A vertex without a face has no stretch, and the rotation of the vertex that it is linked to.
+
         Raises:
             InputError: the shape of the array is not the reference's.
         """
@@ -275,7 +238,18 @@ class FeatureExtractor:
         _stretches(T, R, q[:, 3:])
         if bridged.any():
             self._compensate(q, T, np.flatnonzero(bridged))
+        join_components(q[:, :3], self.reference.links, self._labels)
         return q
+
+    def extract_sites(self, vertices: ArrayLike) -> FloatArray:
+        """Features (V+B, 9) of the vertices of a shape (V, 3), then of the reference's B links.
+
+        Raises:
+            InputError: the shape of the array is not the reference's.
+        """
+        q = self.extract(vertices)
+        p = np.asarray(vertices, dtype=np.float64)
+        return np.concatenate([q, link_features(self.reference, p, q)])
 
     def _compensate(self, q: FloatArray, T: FloatArray, vertices: np.ndarray) -> None:
         """Change the stretch in q around `vertices`, by least squares, until b(T) is that of T."""
@@ -343,7 +317,11 @@ def extract_features(
 
 
 def extract_all(
-    extractor: FeatureExtractor, vertices: FloatArray, progress: Progress | None = None
+    extractor: FeatureExtractor,
+    vertices: FloatArray,
+    progress: Progress | None = None,
+    *,
+    links: bool = False,
 ) -> FloatArray:
     """Features (N, V, 9) of shapes, in parallel on all cores.
 
@@ -351,11 +329,14 @@ def extract_all(
         extractor: of features against the reference.
         vertices: (N, V, 3) the shapes.
         progress: called with (done, total) after each shape.
+        links: true for the features of all sites, (N, V+B, 9): of the vertices and of the links.
     """
-    q = np.empty((*vertices.shape[:2], 9))
+    N, V, _ = vertices.shape
+    q = np.empty((N, V + len(extractor.reference.links) if links else V, 9))
+    extract_one = extractor.extract_sites if links else extractor.extract
 
     def extract(index: int) -> None:
-        q[index] = extractor.extract(vertices[index])
+        q[index] = extract_one(vertices[index])
 
     indices = range(len(vertices))
     for done, _ in enumerate(in_parallel(extract, indices), start=1):

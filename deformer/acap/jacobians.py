@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from deformer.acap.features import features_to_gradients
+from deformer.acap.gradients import features_to_gradients
 from deformer.compilation import called_with, njit
 from deformer.geometry import FloatArray, exp_, right_jacobian_
 from deformer.linalg import over_ranges, scratch

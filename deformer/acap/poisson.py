@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import sparse
 
-from deformer.acap.features import features_to_gradients
+from deformer.acap.displacements import link_lever
+from deformer.acap.gradients import features_to_gradients
 from deformer.checks import checked_array, checked_instance
 from deformer.errors import InputError
 from deformer.geometry import (
     FloatArray,
-    IntArray,
     Mesh,
     MeshSequence,
     connected_components,
@@ -30,23 +30,6 @@ _TENSION = 100.0
 _BATCH = 40
 
 
-def _bridge_edges(v: FloatArray, count: int, labels: np.ndarray) -> np.ndarray:
-    """One edge (i, j) from every smaller component to the nearest vertex of the largest."""
-    main = int(np.bincount(labels, minlength=count).argmax())
-    others = np.flatnonzero(labels != main)
-    if len(others) == 0:
-        return np.empty((0, 2), dtype=np.int64)
-    base: IntArray = np.flatnonzero(labels == main)
-    # Most meshes have one component and never need this import.
-    from scipy.spatial import KDTree
-
-    distance, nearest = KDTree(v[base]).query(v[others])
-    order = np.lexsort((distance, labels[others]))
-    start: IntArray = np.unique(labels[others][order], return_index=True)[1]
-    first = order[start]
-    return np.column_stack([others[first], base[np.asarray(nearest)[first]]])
-
-
 class PoissonSystem:
     """Vertices from deformation gradients: p = argmin Σ c_ij ‖(p_i − p_j) − T_i (v_i − v_j)‖².
 
@@ -56,10 +39,11 @@ class PoissonSystem:
     depends on the reference alone and is factored once, here.
 
     The equations leave the translation free: one vertex, the `anchor`, is fixed for the solve, and
-    solutions are moved so that their centroid is the reference's. A mesh of several connected
-    components gets one extra edge from each smaller component to the nearest vertex of the largest
-    one. The edge does not change the component's shape; it makes the component move with the
-    largest one, as an eye with its head.
+    solutions are moved so that their centroid is the reference's. The B links of a mesh of several
+    connected components (`Mesh.links`) are edges of weight 1. They form a tree: none changes the
+    shape of a component, and each makes a component move with its neighbour, as an eye with its
+    head. Gradients of the links, if they are given after those of the V vertices, say where the
+    components are besides (`acap.displacements`).
 
     Args:
         reference: the undeformed mesh.
@@ -72,9 +56,9 @@ class PoissonSystem:
         self.reference = reference
         weights = cotan_weights(reference)
         self.component_count, self.labels = connected_components(reference.faces, V)
-        bridges = _bridge_edges(v, self.component_count, self.labels)
-        if len(bridges):
-            i, j = bridges.T
+        self.lever = link_lever(reference)
+        if len(reference.links):
+            i, j = reference.links.T
             extra = sparse.csr_array((np.ones(len(i)), (i, j)), shape=(V, V))
             weights = sparse.csr_array(weights + extra + extra.T)
             weights.sort_indices()
@@ -98,22 +82,29 @@ class PoissonSystem:
         return self.factor.solve(np.asarray(b, dtype=np.float64))
 
     def rhs(self, T: ArrayLike) -> FloatArray:
-        """Right-hand side b_i = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j).
+        """Right-hand side b_i = Σ_j ½ c_ij (T_i + T_j)(v_i − v_j), with the links' displacements.
 
         Args:
-            T: (V, 3, 3) deformation gradients against the reference.
+            T: (V, 3, 3) deformation gradients against the reference, or (V+B, 3, 3) with those of
+                the links.
 
         Returns:
             (V, 3) float64, in the reference's units (cotangent weights have none).
         """
         gradients = np.ascontiguousarray(T, dtype=np.float64)
-        b = np.empty((len(gradients), 3))
+        V = len(self.reference.vertices)
+        b = np.empty((V, 3))
         mesh = self.indptr, self.rings, self.c, self.reference.vertices
-        over_ranges(rhs_, len(gradients), *mesh, gradients, b)
+        over_ranges(rhs_, V, *mesh, gradients, b)
+        if len(gradients) > V:
+            i, j = self.reference.links.T
+            displacement = (gradients[V:] - gradients[j]) @ self.lever
+            np.add.at(b, i, displacement)
+            np.subtract.at(b, j, displacement)
         return b
 
     def solve(self, T: ArrayLike) -> FloatArray:
-        """Vertices (V, 3) of deformation gradients T (V, 3, 3), centroid at the reference's."""
+        """Vertices (V, 3) of deformation gradients T, as in `rhs`, centroid at the reference's."""
         return self.solve_rhs(self.rhs(T))
 
     def solve_rhs(self, b: FloatArray) -> FloatArray:
@@ -122,23 +113,27 @@ class PoissonSystem:
         return p + (self.centroid - p.mean(axis=0))
 
     def reconstruct(self, q: ArrayLike) -> FloatArray:
-        """Vertices (..., V, 3) of features q (..., V, 9), centroids at the reference's.
+        """Vertices (..., V, 3) of features, centroids at the reference's.
+
+        Args:
+            q: (..., V, 9) features of the vertices, or (..., V+B, 9) with those of the links.
 
         Raises:
             InputError: another shape of the array.
         """
         features = checked_array(q, "features")
         V = len(self.reference.vertices)
-        if features.shape[-2:] != (V, 9):
+        sites = V + len(self.reference.links)
+        if features.shape[-2:] not in ((V, 9), (sites, 9)):
             raise InputError(f"features: expected (..., {V}, 9), got {features.shape}")
-        flat = features.reshape(-1, V, 9)
+        flat = features.reshape(-1, *features.shape[-2:])
         p = np.empty((len(flat), V, 3))
         for start in range(0, len(flat), _BATCH):
             chunk = flat[start : start + _BATCH]
             b = np.concatenate([self.rhs(features_to_gradients(f)) for f in chunk], axis=1)
             x = self.back_substitute(b).reshape(V, len(chunk), 3).transpose(1, 0, 2)
             p[start : start + _BATCH] = x + (self.centroid - x.mean(axis=1))[:, None]
-        return p.reshape(*features.shape[:-1], 3)
+        return p.reshape(*features.shape[:-2], V, 3)
 
     def green_rows(self, vertices: ArrayLike) -> FloatArray:
         """Green's functions (H, V) of vertices (H,): p_h = centroid + G_h · b(T).
@@ -151,6 +146,16 @@ class PoissonSystem:
         G = self.back_substitute(b).T - self._constant_solution
         G -= G.mean(axis=1, keepdims=True)
         return np.ascontiguousarray(G)
+
+    def placed(self, p: FloatArray, like: FloatArray) -> FloatArray:
+        """Shapes p (N, V, 3) with every connected component's centroid moved to that in `like`."""
+        counts = np.bincount(self.labels, minlength=self.component_count)
+        membership = sparse.csr_array(
+            (1.0 / counts[self.labels], (self.labels, np.arange(len(self.labels))))
+        )
+        return np.stack(
+            [a + (membership @ (b - a))[self.labels] for a, b in zip(p, like, strict=True)]
+        )
 
     @cached_property
     def screened_factor(self) -> SparseCholesky:
@@ -180,11 +185,16 @@ class PoissonSystem:
         return np.ascontiguousarray(green - self.screened_factor.solve(unit).T)
 
     def position_coefficients(self, green: FloatArray) -> FloatArray:
-        """Coefficients a (H, V, 3) with G_h · b(T) = Σ_i T_i a_h,i, of `green` (H, V)."""
-        out = np.empty((*green.shape, 3))
+        """Coefficients a (H, V+B, 3) with G_h · b(T) = Σ_i T_i a_h,i, of `green` (H, V)."""
+        V, links = len(self.reference.vertices), self.reference.links
+        out = np.empty((len(green), V + len(links), 3))
         mesh = self.indptr, self.rings, self.c, self.reference.vertices
         for row, coefficients in zip(green, out, strict=True):
-            over_ranges(rhs_adjoint_, len(row), *mesh, row, coefficients)
+            over_ranges(rhs_adjoint_, V, *mesh, row, coefficients)
+        i, j = links.T
+        out[:, V:] = (green[:, i] - green[:, j])[:, :, None] * self.lever
+        for a in out:
+            np.subtract.at(a, j, a[V:])
         return out
 
 
@@ -207,13 +217,4 @@ def reconstruct(shapes: MeshSequence, q: ArrayLike, reference: int = 0) -> Float
     checked_instance(shapes, "shapes", MeshSequence, remedy=remedy)
     system = PoissonSystem(shapes.mesh(reference))
     p = system.reconstruct(q)
-    if p.shape != shapes.vertices.shape:
-        return p
-    counts = np.bincount(system.labels, minlength=system.component_count)
-    membership = sparse.csr_array(
-        (1.0 / counts[system.labels], (system.labels, np.arange(len(system.labels))))
-    )
-    offset = shapes.vertices - p
-    for n in range(len(p)):
-        p[n] += (membership @ offset[n])[system.labels]
-    return p
+    return system.placed(p, shapes.vertices) if p.shape == shapes.vertices.shape else p

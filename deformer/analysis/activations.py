@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from deformer.checks import LARGEST, checked_array, checked_instance, checked_integer
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, IntArray
+from deformer.geometry import FloatArray, IntArray, connected_components
 from deformer.model import DeformationModel
 
 
@@ -26,7 +26,7 @@ class Activations:
     Attributes:
         low, high: (K,) smallest and largest activation among the training codes.
         reference: (K,) latent code Z_r of the reference.
-        base: (V, 9) features decoded from it.
+        base: (V+B, 9) features decoded from it, of vertices and links.
         extreme: (K,) activation of each component in its representative shape: `low` or `high`.
         strength: (K,) distance ‖X_k − X_r‖ of the representative shape's features from the
             reference's, in the network's units (features scaled to ±0.95).
@@ -69,7 +69,7 @@ class Activations:
         return z
 
     def change(self, component: int) -> FloatArray:
-        """Difference (V, 9) of the representative shape's features from the reference's.
+        """Difference (V+B, 9) of the representative shape's features from the reference's.
 
         Args:
             component: index k, from 0.
@@ -83,16 +83,20 @@ class Activations:
     def displacement(self, component: int) -> FloatArray:
         """Length (V,) of every vertex's row of `change`, in the network's units (scaled features).
 
+        The links that carry a connected component count for its vertices.
+
         Args:
             component: index k, from 0.
 
         Raises:
             InputError: no such component.
         """
-        return np.linalg.norm(self._scaled(self.change(component)), axis=1)
+        return self._by_vertex(np.linalg.norm(self._scaled(self.change(component)), axis=1))
 
     def support(self, component: int) -> FloatArray:
         """Weights ‖C_k^i‖ (V,) of a component at every vertex i, the largest being 1.
+
+        The links that carry a connected component count for its vertices.
 
         Args:
             component: index k, from 0.
@@ -101,11 +105,21 @@ class Activations:
             InputError: no such component.
         """
         self._check(component)
-        weights = np.linalg.norm(self._weights[:, :, component], axis=1)
+        weights = self._by_vertex(np.linalg.norm(self._weights[:, :, component], axis=1))
         return weights.astype(np.float64) / (float(weights.max()) or 1.0)
 
+    def _by_vertex(self, lengths: NDArray) -> NDArray:
+        """Lengths (V,) of the vertices, from lengths (V+B,) of the vertices and links."""
+        mesh = self._model.reference
+        V = len(mesh.vertices)
+        count, labels = connected_components(mesh.faces, V)
+        carried = np.zeros(count, dtype=lengths.dtype)
+        for (i, j), length in zip(mesh.links.tolist(), lengths[V:], strict=True):
+            carried[labels[i]] = max(carried[labels[j]], length)
+        return np.maximum(lengths[:V], carried[labels])
+
     def _feature_change(self, component: int, value: float) -> FloatArray:
-        """Change (V, 9) of the reference's features when entry k of its code becomes `value`."""
+        """Change (V+B, 9) of the reference's features when entry k of its code becomes `value`."""
         z = self.reference.copy()
         z[component] = value
         return self._model.decoder.features(z) - self.base

@@ -32,7 +32,7 @@ class Component:
         centre: vertex with the largest weight.
         support: number of vertices with at least a tenth of the largest weight.
         extent: greatest geodesic distance from the centre to a vertex of the support, as a share
-            of the mesh's extent; other connected components do not count.
+            of the mesh's extent.
         partner: component whose activations correlate most with this one's over the training
             codes, in magnitude; −1 if no other component's do.
         partner_correlation: the correlation with `partner`, −1 to 1; 0 without one.
@@ -135,7 +135,7 @@ class ComponentAnalysis:
             extreme=float(activations.extreme[k]),
             centre=centre,
             support=len(support),
-            extent=float(distances[np.isfinite(distances)].max()),
+            extent=float(distances.max()),
             partner=partner,
             partner_correlation=float(self.correlations[k, partner]) if partner >= 0 else 0.0,
             extreme_shapes=tuple(int(model.split["train"][row]) for row in farthest),

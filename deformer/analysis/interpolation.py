@@ -116,7 +116,7 @@ def _from_features(model: DeformationModel, keys: FloatArray, times: FloatArray)
     reference = model.reference.vertices
     rotations = np.stack([procrustes(reference, key)[0] for key in keys])
     centred = keys - keys.mean(axis=1, keepdims=True)
-    q = extract_all(model.extractor, centred @ rotations)
+    q = extract_all(model.extractor, centred @ rotations, links=True)
     p = model.poisson.reconstruct(_interpolated(q, times))
     p -= p.mean(axis=1, keepdims=True)
     first = np.minimum(times.astype(np.int64), len(keys) - 2)

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from deformer.acap import undisplaced
 from deformer.analysis.activations import Activations, Familiarity
 from deformer.checks import (
     LARGEST,
@@ -209,7 +210,7 @@ def transfer_code(source: DeformationModel, target: DeformationModel, z: ArrayLi
 def _source_features(
     source: DeformationModel, target: DeformationModel, z: ArrayLike
 ) -> FloatArray:
-    """Features (V, 9) of a code of `source`, after a check that the connectivities agree."""
+    """Features (V+B, 9) of a code of `source`, after a check that the connectivities agree."""
     for name, model in (("source", source), ("target", target)):
         checked_instance(model, name, DeformationModel, remedy="load it with load_model")
     code = checked_array(z, "z", (source.components,), largest=LARGEST)
@@ -218,4 +219,7 @@ def _source_features(
             f"transfer: the models' connectivities differ ({len(source.reference.faces)} and "
             f"{len(target.reference.faces)} faces); both must be of one"
         )
-    return source.decoder.features(code)
+    q = source.decoder.features(code)
+    if np.array_equal(source.reference.links, target.reference.links):
+        return q
+    return undisplaced(target.reference, q[: len(target.reference.vertices)])

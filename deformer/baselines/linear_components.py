@@ -77,8 +77,10 @@ class LinearComponents(GradientMethod):
         self._model = model
         q = self.extract(shapes.vertices)
         acts = Activations(model)
-        changes = np.stack([acts.change(k) for k in range(components)])
-        space = GradientSpace(model.poisson, acts.base, changes, model.scaler.gain)
+        # Of the vertices alone: the space has no links.
+        V = q.shape[1]
+        changes = np.stack([acts.change(k)[:V] for k in range(components)])
+        space = GradientSpace(model.poisson, acts.base[:V], changes, model.scaler.gain)
         codes = space.project(q)
 
         def train_on(indices: IntArray) -> HandleFit:

@@ -69,7 +69,7 @@ class DecodedSurface:
     smoother `PoissonSystem.bending_rows` change the bends least, and handles leave no spikes.
 
     Args:
-        decoder: the model's decoder of all V vertices.
+        decoder: the model's decoder of all sites: V vertices, then B links.
         system: the Poisson system of the same mesh.
     """
 
@@ -77,13 +77,16 @@ class DecodedSurface:
         """Copy the decoder's matrix and the mesh into the order of elimination."""
         self._decoder, self._system = decoder, system
         self._factor = system.factor
-        order = self._factor.order
-        V = len(order)
-        self._blocks = -(-V // BLOCK)
-        # The last vertex is repeated to fill the last block.
+        order, links = self._factor.order, system.reference.links
+        V, B = len(order), len(links)
+        # Sites: the vertices in the order of elimination, then the links.
+        self._sites: IntArray = np.append(order, np.arange(V, V + B))
+        self._blocks, self._vertex_blocks = -(-(V + B) // BLOCK), -(-V // BLOCK)
+        # The last site is repeated to fill the last block.
         self._padded: IntArray = np.concatenate(
-            [order, np.full(self._blocks * BLOCK - V, order[-1])]
+            [self._sites, np.full(self._blocks * BLOCK - V - B, self._sites[-1])]
         )
+        self._links = self._factor.inverse_order[links]
         # Lengths are in bounding diagonals, so that no unit of the data leaves single precision.
         self._unit = system.reference.bounding_diagonal
         weights = sparse.csr_array(system.weights[order][:, order])
@@ -146,16 +149,16 @@ class DecodedSurface:
         """Coefficients of one handle's position in the layout that `decode` reads.
 
         Args:
-            coefficients: (V, 3) of one handle, from `PoissonSystem.position_coefficients`.
+            coefficients: (V+B, 3) of one handle, from `PoissonSystem.position_coefficients`.
 
         Returns:
-            (B, 48) float32, a row for each of B blocks of vertices.
+            (b, 48) float32, a row for each of b blocks of sites.
         """
         blocks = np.empty((self._blocks, VECTORS), dtype=np.float32)
         over_ranges(
             coefficients_by_block,
             self._blocks,
-            self._factor.order,
+            self._sites,
             coefficients,
             1.0 / self._unit,
             blocks,
@@ -256,6 +259,18 @@ class DecodedSurface:
         reference, rest = (self._reference, self._T), (self._rest.ravel(), self._R)
         shape = rest if self._has_rest_shape else reference
         over_ranges(rhs, len(self._x), *mesh, *shape, self._x.ravel())
+        if len(self._links) and not self._has_rest_shape:
+            self._add_displacements()
+
+    def _add_displacements(self) -> None:
+        """Add the displacements of the links to the right-hand side of the rest shape."""
+        V = len(self._x)
+        T = self._T.reshape(-1, 3, 3)
+        i, j = self._links.T
+        lever = (self._system.lever / self._unit).astype(np.float32)
+        displacement = (T[V : V + len(i)] - T[j]) @ lever
+        np.add.at(self._x, i, displacement)
+        np.subtract.at(self._x, j, displacement)
 
     def solve(self) -> None:
         """Compute the positions from the gradients and rotations, up to a translation."""
@@ -316,8 +331,8 @@ class DecodedSurface:
         rest = *mesh, *shapes, self._R, self._quaternions, steps
         self._has_rotations = True
         # One core is left to the caller.
-        share = max(_SHARE, -(-self._blocks // max(1, CORES - 1)))
-        calls = [(*piece, *rest) for piece in ranges(self._blocks, share)]
+        share = max(_SHARE, -(-self._vertex_blocks // max(1, CORES - 1)))
+        calls = [(*piece, *rest) for piece in ranges(self._vertex_blocks, share)]
         self._running = start_calls(fit_rotations, calls)
 
     def _wait(self) -> None:

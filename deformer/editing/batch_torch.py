@@ -47,7 +47,9 @@ class TorchFrames:
         self._landmarks = _Decoder(basis.landmark_decoder, self._device)
         self._landmark_coefficients = self._tensor(basis.landmark_coefficients)
         coefficients = model.poisson.position_coefficients(basis.green_rows(basis.vertices))
-        self._coefficients = self._tensor(coefficients.reshape(len(coefficients), 3 * V))
+        self._coefficients = self._tensor(
+            coefficients.reshape(len(coefficients), 3 * coefficients.shape[1])
+        )
         system = model.poisson
         rows = np.repeat(np.arange(V), np.diff(system.indptr))
         v = model.reference.vertices / self._unit
@@ -56,6 +58,8 @@ class TorchFrames:
         self._edges = self._tensor(halves * (v[rows] - v[system.rings]))
         self._from = torch.as_tensor(rows, device=self._device)
         self._to = torch.as_tensor(system.rings, device=self._device)
+        self._links = torch.as_tensor(model.reference.links.T.copy(), device=self._device)
+        self._lever = self._tensor(system.lever / self._unit)
         self._factor = _Factor(system.factor, self._device)
 
     def _tensor(self, array: FloatArray) -> Tensor:
@@ -124,7 +128,7 @@ class TorchFrames:
                 # Targets before the rigid motion, in bounding diagonals.
                 local = (targets[f][:, pattern] - origin[f][:, None]) @ Q[f] / self._unit
                 constraints = index, rows, inverse, self._tensor(local)
-                rest = self._solved(gradients(self._all(self._tensor(z[f]))), self._edges)
+                rest = self._rest_shapes(gradients(self._all(self._tensor(z[f]))))
                 p = _moved_to_targets(rest, *constraints)
                 edges = self._halves * (rest[:, self._from] - rest[:, self._to])
                 R = torch.eye(3, device=p.device).expand(*p.shape[:2], 3, 3)
@@ -135,6 +139,14 @@ class TorchFrames:
                 moved = p @ self._tensor(self._unit * Q[f]).transpose(1, 2)
                 out[f] = _numpy(moved) + origin[f][:, None]
                 out[np.ix_(f, vertices)] = targets[f][:, pattern]
+
+    def _rest_shapes(self, T: Tensor) -> Tensor:
+        """Positions (m, V, 3) of gradients (m, V+B, 3, 3) of vertices and links."""
+        b = rhs(T[:, : T.shape[1] - self._links.shape[1]], self._from, self._to, self._edges)
+        i, j = self._links
+        displacement = (T[:, b.shape[1] :] - T[:, j]) @ self._lever
+        b.index_add_(1, i, displacement).index_add_(1, j, displacement, alpha=-1.0)
+        return self._factor.solve(b)
 
     def _solved(self, T: Tensor, edges: Tensor) -> Tensor:
         """Positions (m, V, 3) of L p = Σ_j (T_i + T_j) e_ij, up to a translation."""

@@ -27,24 +27,25 @@ def choose_landmarks(
     """Choose landmark vertices, and the landmark of each vertex.
 
     A random projection of its derivative with respect to the whitened code describes a vertex,
-    together with its position; landmarks are farthest points of these descriptions.
+    together with its position; landmarks are farthest points of these descriptions. Every link,
+    which moves a whole component, is its own landmark.
 
     Args:
-        decoder: the model's decoder of all V vertices.
+        decoder: the model's decoder of all sites: V vertices, then B links.
         factor: (K, K) Cholesky factor of the latent covariance.
         positions: (V, 3) reference vertices.
         count: number of landmarks S; with V or more every vertex is its own landmark.
         seed: seed of the projection, and of the random choice in large meshes.
 
     Returns:
-        Landmark vertices (S,) int64, and for each vertex (V,) the index 0…S − 1 of its landmark.
+        Landmarks (S + B,) int64, and for each site (V + B,) the index of its landmark.
     """
-    V = len(positions)
+    V, sites = len(positions), len(decoder.matrix)
     if count >= V:
-        return np.arange(V), np.arange(V)
+        return np.arange(sites), np.arange(sites)
     rng = np.random.default_rng(seed)
     probes = factor @ rng.normal(size=(len(factor), 4))
-    sketch = (decoder.matrix @ probes.astype(np.float32)).reshape(V, -1)
+    sketch = (decoder.matrix[:V] @ probes.astype(np.float32)).reshape(V, -1)
     sketch = sketch @ rng.normal(size=(sketch.shape[1], _SKETCH)) / _SKETCH**0.5
     sketch /= sketch.std() or 1.0
     spread = positions - positions.mean(axis=0)
@@ -60,14 +61,15 @@ def choose_landmarks(
             part = description[start : start + 4096]
             cost = (landmarks**2).sum(axis=1) - 2.0 * part @ landmarks.T
             labels[start : start + 4096] = cost.argmin(axis=1)
-    return chosen, labels
+    links = np.arange(sites - V)
+    return np.append(chosen, V + links), np.append(labels, len(chosen) + links)
 
 
 class Grouping:
     """Adds up per-vertex quantities over the groups of landmarks.
 
     Args:
-        labels: (V,) index of each vertex's landmark.
+        labels: (V,) index of each site's landmark.
         count: number of landmarks S.
     """
 

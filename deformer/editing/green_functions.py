@@ -58,8 +58,11 @@ class HandleBasis:
         landmarks, labels = choose_landmarks(
             model.decoder, model.prior.factor, model.reference.vertices, _LANDMARKS
         )
-        # Landmarks that are neighbours in space have most components in common.
-        order = np.argsort(self.surface.inverse_order[landmarks])
+        # Landmarks that are neighbours in space have most components in common; links come last.
+        inverse_order = self.surface.inverse_order
+        order = np.argsort(
+            np.append(inverse_order, np.arange(len(inverse_order), len(labels)))[landmarks]
+        )
         landmarks, labels = landmarks[order], np.argsort(order)[labels]
         self._grouping = Grouping(labels, len(landmarks))
         self.landmark_decoder = model.decoder_at(landmarks)

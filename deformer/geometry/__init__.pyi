@@ -1,5 +1,6 @@
 from .geodesics import (
     Geodesics as Geodesics,
+    SiteGeodesics as SiteGeodesics,
 )
 from .laplacian import (
     cotan_weights as cotan_weights,
@@ -17,6 +18,7 @@ from .mesh import (
     connectivity_hash as connectivity_hash,
     edges as edges,
     one_rings as one_rings,
+    site_rings as site_rings,
 )
 from .metrics import (
     e_rms as e_rms,

@@ -1,19 +1,23 @@
 """Geodesic distances by the heat method, from one vertex at a time.
 
 The distances from a vertex to all others, a row of the V×V matrix that is never built, cost one
-back-substitution; the latest rows are cached.
+back-substitution; the latest rows are cached. To other connected components they are lengths of
+shortest paths along edges and links (`Mesh.links`).
 """
 
 from __future__ import annotations
 
 from collections import OrderedDict
+from functools import cached_property
 
 import numpy as np
 import potpourri3d
+from scipy import sparse
+from scipy.sparse import csgraph
 
 from deformer.checks import checked_integer
 from deformer.errors import InputError
-from deformer.geometry.mesh import FloatArray, Mesh, connected_components
+from deformer.geometry.mesh import FloatArray, Mesh, connected_components, edges
 
 
 class Geodesics:
@@ -30,7 +34,7 @@ class Geodesics:
         """Factor the heat and Poisson systems."""
         self.mesh = mesh
         V = len(mesh.vertices)
-        self._labels = connected_components(mesh.faces, V)[1]
+        self._count, self._labels = connected_components(mesh.faces, V)
         used = np.zeros(V, dtype=bool)
         used[mesh.faces] = True
         self._used = np.flatnonzero(used)
@@ -45,8 +49,17 @@ class Geodesics:
         self._cache: OrderedDict[int, FloatArray] = OrderedDict()
         self._extent: float | None = None
 
+    @cached_property
+    def _graph(self) -> sparse.csr_array:
+        """Lengths (V, V) of edges and links."""
+        v = self.mesh.vertices
+        i, j = np.concatenate([edges(self.mesh.faces), self.mesh.links]).T
+        # A stored 0 would be no edge.
+        lengths = np.maximum(np.linalg.norm(v[i] - v[j], axis=1), np.finfo(float).tiny)
+        return sparse.csr_array((lengths, (i, j)), shape=(len(v), len(v)))
+
     def row(self, vertex: int) -> FloatArray:
-        """Distances (V,) from `vertex`, read-only; infinite on other connected components.
+        """Distances (V,) from `vertex`, read-only.
 
         Args:
             vertex: index, from 0.
@@ -61,14 +74,15 @@ class Geodesics:
         if vertex in self._cache:
             self._cache.move_to_end(vertex)
             return self._cache[vertex]
-        distance = np.full(V, np.inf)
-        distance[vertex] = 0.0
+        distance = np.zeros(V)
         same = self._labels == self._labels[vertex]
         if same.sum() > 1:
             found = self._solver.compute_distance(int(self._position[vertex]))
             distance[self._used] = np.maximum(found, 0.0) * self._unit
-            distance[~same] = np.inf
-            distance[vertex] = 0.0
+        if self._count > 1:
+            along_edges = csgraph.dijkstra(self._graph, directed=False, indices=vertex)
+            distance[~same] = along_edges[~same]
+        distance[vertex] = 0.0
         distance.setflags(write=False)
         self._cache[vertex] = distance
         while len(self._cache) > self._cache_rows:
@@ -77,25 +91,41 @@ class Geodesics:
 
     @property
     def extent(self) -> float:
-        """Largest distance between two vertices of one component.
+        """Largest distance between two vertices that have faces.
 
-        Found by going from each component's first vertex to the farthest one until the distance
-        no longer grows: exact on trees and, in practice, within a few per cent on surfaces.
+        Found by going from the first vertex to the farthest one until the distance no longer
+        grows: exact on trees and, in practice, within a few per cent on surfaces.
         """
         if self._extent is None:
-            longest = 0.0
-            for start in np.unique(self._labels[self._used], return_index=True)[1]:
-                vertex, best = int(self._used[start]), -1.0
-                for _ in range(8):
-                    distance = self.row(vertex)
-                    finite = np.where(np.isfinite(distance), distance, -1.0)
-                    if finite.max() <= best:
-                        break
-                    best, vertex = float(finite.max()), int(finite.argmax())
-                longest = max(longest, best)
+            vertex, longest = int(self._used[0]), -1.0
+            for _ in range(8):
+                distance = self.row(vertex)[self._used]
+                if distance.max() <= longest:
+                    break
+                longest, vertex = float(distance.max()), int(self._used[distance.argmax()])
             self._extent = longest
         return self._extent
 
     def normalised_row(self, vertex: int) -> FloatArray:
         """Distances (V,) from `vertex` in units of `extent` (0 to about 1)."""
         return self.row(vertex) / (self.extent or 1.0)
+
+
+class SiteGeodesics:
+    """Distances between the sites of a mesh: its V vertices, then its B links.
+
+    A link is where its first vertex is.
+
+    Args:
+        geodesics: distances over the mesh.
+    """
+
+    def __init__(self, geodesics: Geodesics) -> None:
+        """Find the vertex of each site."""
+        self._geodesics = geodesics
+        mesh = geodesics.mesh
+        self._vertices = np.append(np.arange(len(mesh.vertices)), mesh.links[:, 0])
+
+    def normalised_row(self, site: int) -> FloatArray:
+        """Distances (V+B,) from `site` in units of `Geodesics.extent`."""
+        return self._geodesics.normalised_row(int(self._vertices[site]))[self._vertices]

@@ -12,6 +12,7 @@ from scipy import sparse
 
 from deformer.checks import as_array, checked_array, checked_indices, checked_integer
 from deformer.errors import InputError
+from deformer.geometry.links import spanning_links
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -79,6 +80,12 @@ class Mesh:
     def bounding_diagonal(self) -> float:
         """Length of the diagonal of the axis-aligned bounding box."""
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
+
+    @cached_property
+    def links(self) -> IntArray:
+        """Links (B, 2) between the connected components, of `spanning_links`; empty for one."""
+        labels = connected_components(self.faces, len(self.vertices))[1]
+        return spanning_links(self.vertices, labels)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +158,19 @@ def one_rings(faces: IntArray, vertex_count: int) -> tuple[IntArray, IntArray]:
     )
     matrix.sort_indices()
     return matrix.indptr.astype(np.int64), matrix.indices.astype(np.int64)
+
+
+def site_rings(mesh: Mesh) -> tuple[IntArray, IntArray]:
+    """Neighbours of every site of a mesh: of the V vertices, then of the B links.
+
+    A vertex has its one-ring, a link the two vertices that it joins.
+
+    Returns:
+        indptr (V+B+1,) and neighbours (2E+2B,), as of `one_rings`.
+    """
+    indptr, rings = one_rings(mesh.faces, len(mesh.vertices))
+    ends = indptr[-1] + 2 * np.arange(1, len(mesh.links) + 1)
+    return np.concatenate([indptr, ends]), np.concatenate([rings, mesh.links.ravel()])
 
 
 def connected_components(faces: IntArray, vertex_count: int) -> tuple[int, IntArray]:

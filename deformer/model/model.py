@@ -22,7 +22,7 @@ from deformer.checks import (
     shortened,
 )
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, IntArray, Mesh, one_rings
+from deformer.geometry import FloatArray, IntArray, Mesh, site_rings
 from deformer.model.bend_limits import BendLimits
 from deformer.model.component_names import check_names, find_component
 from deformer.model.latent_prior import LatentPrior
@@ -85,14 +85,15 @@ class DeformationModel:
             ("prior", LatentPrior),
         ):
             checked_instance(getattr(self, name), name, kind, remedy="make one")
-        V, K = len(self.reference.vertices), self.components
+        K = self.components
+        sites = len(self.reference.vertices) + len(self.reference.links)
         if self.weights.layers != self.config.layers:
             raise InputError(
                 f"network: expected layers {self.config.layers} as in the config, got "
                 f"{self.weights.layers}; retrain"
             )
         for name, array, shape in (
-            ("network.C", self.weights.C, (V, self.config.layers[-1], K)),
+            ("network.C", self.weights.C, (sites, self.config.layers[-1], K)),
             ("latent_mean", self.prior.mean, (K,)),
             ("rigid_prior_gain", self.rigid_prior and self.rigid_prior.gain, (3, K)),
             (
@@ -203,21 +204,21 @@ class DeformationModel:
 
     @cached_property
     def _rings(self) -> tuple[IntArray, IntArray]:
-        return one_rings(self.reference.faces, len(self.reference.vertices))
+        return site_rings(self.reference)
 
     @cached_property
     def decoder(self) -> Decoder:
-        """The decoder of all vertices."""
+        """The decoder of all sites: the V vertices, then the B links of the reference."""
         return self._decoder(None)
 
-    def decoder_at(self, vertices: IntArray) -> Decoder:
-        """The decoder restricted to some vertices (n,)."""
-        return self._decoder(vertices)
+    def decoder_at(self, sites: IntArray) -> Decoder:
+        """The decoder restricted to some sites (n,)."""
+        return self._decoder(sites)
 
-    def _decoder(self, vertices: IntArray | None) -> Decoder:
+    def _decoder(self, sites: IntArray | None) -> Decoder:
         from deformer.network import Decoder
 
-        return Decoder(self.weights, self.scaler, *self._rings, vertices)
+        return Decoder(self.weights, self.scaler, *self._rings, sites)
 
     @cached_property
     def encoder(self) -> Encoder:

@@ -45,7 +45,7 @@ def fit_shapes(model: DeformationModel, vertices: ArrayLike, iterations: int) ->
 
 def _encode(model: DeformationModel, shapes: FloatArray) -> FloatArray:
     """Codes (N, K) of prepared shapes (N, V, 3) by the encoder of `model`."""
-    return model.encoder.encode(extract_all(model.extractor, shapes))
+    return model.encoder.encode(extract_all(model.extractor, shapes, links=True))
 
 
 def _fit_shape(

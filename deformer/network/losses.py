@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from deformer.geometry import Geodesics
+from deformer.geometry import Geodesics, SiteGeodesics
 from deformer.network.locality import locality_row
 
 
@@ -112,7 +112,7 @@ class Locality:
         d_min, d_max: distances, as in `ModelConfig`.
     """
 
-    def __init__(self, geodesics: Geodesics, d_min: float, d_max: float) -> None:
+    def __init__(self, geodesics: Geodesics | SiteGeodesics, d_min: float, d_max: float) -> None:
         """Start without centres."""
         self._geodesics = geodesics
         self._range = d_min, d_max

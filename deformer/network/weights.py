@@ -52,7 +52,8 @@ class NetworkWeights:
 
     Args:
         convolutions: convolutions of the encoder, in its order.
-        C: (V, μ, K) float32, the linear map between convolved features and the latent code.
+        C: (V, μ, K) float32, the linear map between convolved features and the latent code. For a
+            mesh with links (`Mesh.links`), V counts all sites: the vertices, then the links.
     """
 
     convolutions: tuple[ConvolutionWeights, ...]

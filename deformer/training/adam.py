@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, Geodesics, IntArray
+from deformer.geometry import FloatArray, Geodesics, IntArray, SiteGeodesics
 from deformer.linalg import resolve_device
 from deformer.network import AdamSettings, MeshAutoencoder, ModelConfig, NetworkWeights, losses
 from deformer.training.loop import (
@@ -37,13 +37,14 @@ class _Mixer:
     The region is a geodesic disc about a random vertex with a soft rim; features blend linearly.
     """
 
-    def __init__(self, x: Tensor, geodesics: Geodesics, generator: torch.Generator) -> None:
+    def __init__(
+        self, x: Tensor, geodesics: Geodesics | SiteGeodesics, generator: torch.Generator
+    ) -> None:
         self._x = x
         V = x.shape[0]
         # 200 fixed centres bound the number of geodesic rows.
         vertices = torch.randperm(V, generator=generator)[:200]
         rows = np.array([geodesics.normalised_row(int(i)) for i in vertices])
-        rows[~np.isfinite(rows)] = 2.0
         self._rows = torch.as_tensor(rows, dtype=x.dtype, device=x.device)
         self._generator = generator
 
@@ -179,7 +180,7 @@ def fit(
     x: FloatArray,
     indptr: IntArray,
     rings: IntArray,
-    geodesics: Geodesics,
+    geodesics: Geodesics | SiteGeodesics,
     config: ModelConfig,
     *,
     seed: int = 0,

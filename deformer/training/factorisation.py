@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from deformer.acap import FeatureScaler
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, Geodesics
+from deformer.geometry import FloatArray, Geodesics, SiteGeodesics
 from deformer.network import (
     FEATURES,
     ConvolutionWeights,
@@ -43,7 +43,7 @@ _UNDEFORMED = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
 def factor(
     x: FloatArray,
     scaler: FeatureScaler,
-    geodesics: Geodesics,
+    geodesics: Geodesics | SiteGeodesics,
     config: ModelConfig,
     *,
     checkpoint: Path | None = None,

@@ -13,7 +13,16 @@ from numpy.typing import NDArray
 from deformer.acap import FeatureExtractor, FeatureScaler, extract_all
 from deformer.checks import LARGEST, checked_array, checked_number
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, Geodesics, IntArray, Mesh, MeshSequence, align
+from deformer.geometry import (
+    FloatArray,
+    Geodesics,
+    IntArray,
+    Mesh,
+    MeshSequence,
+    SiteGeodesics,
+    align,
+    site_rings,
+)
 from deformer.model import (
     DeformationModel,
     choose_samples,
@@ -36,8 +45,8 @@ class TrainingSet:
         shapes: N training shapes, aligned and denoised if the configuration says so.
         extractor: extracts features against the reference.
         scaler: scales the features.
-        x: (N or 2N, V, 9) scaled features of the shapes and, if the network is trained on them, of
-            their mirror images.
+        x: (N or 2N, V+B, 9) scaled features of the shapes' vertices and links and, if the network
+            is trained on them, of their mirror images'.
         noise: standard deviation of the removed noise, in bounding diagonals.
     """
 
@@ -73,7 +82,7 @@ class TrainingSet:
             reference, vertices, noise = _denoised(reference, vertices, reference_index)
         shapes = MeshSequence(vertices, shapes.faces)
         extractor = FeatureExtractor(reference)
-        q = extract_all(extractor, vertices, on_features)
+        q = extract_all(extractor, vertices, on_features, links=True)
         if config.mirrored:
             q = _with_mirror_images(q, extractor, shapes)
         scaler = FeatureScaler.fit(q)
@@ -103,10 +112,12 @@ class TrainingSet:
             raise InputError(f"{differing}: expected {', '.join(names)}; delete the checkpoint")
         shapes = MeshSequence(arrays["vertices"], faces)
         (N, V), remedy = shapes.vertices.shape[:2], "delete the checkpoint"
-        counts = ((N, V, 9), (2 * N, V, 9))
+        reference = Mesh(checked_array(arrays["reference"], "reference", (V, 3)), faces)
+        sites = V + len(reference.links)
+        counts = ((N, sites, 9), (2 * N, sites, 9))
         return cls(
             shapes,
-            FeatureExtractor(Mesh(checked_array(arrays["reference"], "reference", (V, 3)), faces)),
+            FeatureExtractor(reference),
             FeatureScaler(*checked_array(arrays["scaler"], "scaler", (4,)).tolist()),
             checked_array(arrays["x"], "x", *counts, largest=LARGEST, remedy=remedy),
             checked_number(arrays["noise"], "noise", least=0, remedy=remedy),
@@ -149,11 +160,12 @@ class TrainingSet:
             options: `checkpoint`, `resume` and `on_progress`, as in `factor` and `fit`.
         """
         if isinstance(config.training, FactorisationSettings):
-            return factor(self.x, self.scaler, self.geodesics, config, **options)
+            distances = SiteGeodesics(self.geodesics)
+            return factor(self.x, self.scaler, distances, config, **options)
         # The import of torch takes seconds, and only Adam needs it.
         from deformer.training.adam import fit
 
-        mesh = self.extractor.indptr, self.extractor.rings, self.geodesics
+        mesh = *site_rings(self.reference), SiteGeodesics(self.geodesics)
         return fit(self.x, *mesh, config, seed=seed, device=device, **options)
 
     def build_model(
@@ -172,7 +184,7 @@ class TrainingSet:
             summary: facts about the training (JSON values), kept in the model.
         """
         N = len(self.shapes)
-        network = weights, self.scaler, self.extractor.indptr, self.extractor.rings
+        network = weights, self.scaler, *site_rings(self.reference)
         encoder = Encoder(*network, Decoder(*network) if config.projects else None)
         all_codes = encoder.encode(self.scaler.unscale(self.x))
         codes, mirrored_codes = all_codes[:N], all_codes[N:]
@@ -205,8 +217,8 @@ def _denoised(
 def _with_mirror_images(
     q: FloatArray, extractor: FeatureExtractor, shapes: MeshSequence
 ) -> FloatArray:
-    """Features (N, V, 9), followed by those of the mirror images if the images explain shapes."""
-    mirrored = extract_all(extractor, mirror_images(shapes)[0])
+    """Features (N, V+B, 9), followed by those of the mirror images if the images explain shapes."""
+    mirrored = extract_all(extractor, mirror_images(shapes)[0], links=True)
     scaler = FeatureScaler.fit(q)
     if not images_explain(scaler.scale(q), scaler.scale(mirrored)):
         return q

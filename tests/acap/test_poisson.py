@@ -19,9 +19,10 @@ from shapes import (
 NAMES = pytest.mark.parametrize("name", MESHES)
 
 
-def random_gradients(mesh, seed=0, size=0.5):
+def random_gradients(mesh, seed=0, size=0.5, links=False):
     rng = np.random.default_rng(seed)
-    return np.eye(3) + size * rng.normal(size=(len(mesh.vertices), 3, 3))
+    count = len(mesh.vertices) + (len(mesh.links) if links else 0)
+    return np.eye(3) + size * rng.normal(size=(count, 3, 3))
 
 
 def energy(mesh, T, p):
@@ -137,9 +138,9 @@ def test_green_rows_give_positions_without_a_solve(name):
     handles = [0, V // 3, V - 1]
     green = system.green_rows(handles)
     coefficients = system.position_coefficients(green)
-    assert green.shape == (3, V) and coefficients.shape == (3, V, 3)
+    assert green.shape == (3, V) and coefficients.shape == (3, V + len(mesh.links), 3)
     for seed in range(3):
-        T = random_gradients(mesh, seed)
+        T = random_gradients(mesh, seed, links=True)
         p = system.solve(T)[handles]
         np.testing.assert_allclose(system.centroid + green @ system.rhs(T), p, atol=1e-8)
         by_coefficients = system.centroid + np.einsum("iab,hib->ha", T, coefficients)

@@ -5,7 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from deformer.acap.features import FeatureExtractor, extract_all, features_to_gradients
+from deformer.acap.features import FeatureExtractor, extract_all
+from deformer.acap.gradients import features_to_gradients
 from deformer.acap.poisson import PoissonSystem
 from deformer.baselines import _data_driven
 from deformer.baselines._checks import checked_handles, checked_shapes

@@ -9,7 +9,7 @@ from deformer.editing.batch_numba import NumbaFrames
 from deformer.editing.batch_torch import TorchFrames
 from deformer.editing.green_functions import HandleBasis
 from deformer.geometry.rotations import log_to_rotation
-from shapes import large_model, small_model
+from shapes import large_model, pieces_model, small_model
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -50,10 +50,12 @@ class Case:
         )
 
 
-@pytest.fixture(scope="module", params=["all are landmarks", "fewer landmarks"])
+@pytest.fixture(scope="module", params=["all are landmarks", "fewer landmarks", "pieces"])
 def case(request):
     if request.param == "all are landmarks":
         return Case(small_model(), [100, 3, 60, 40, 17])
+    if request.param == "pieces":
+        return Case(pieces_model(), [100, 3, 130, 162, 17])
     return Case(large_model(), [1400, 5, 600, 911])
 
 
@@ -72,7 +74,8 @@ def test_positions_by_landmarks_are_those_of_the_formula(case):
 def test_positions_by_all_are_decoded_ones(case):
     expected = case.free[:, case.handles]
     for frames in case.both():
-        assert largest(frames.by_all(case.z) - expected) < 2e-5 * case.unit
+        # 16 bits a weight.
+        assert largest(frames.by_all(case.z) - expected) < 5e-5 * case.unit
 
 
 def test_jacobians_are_central_differences(case):
@@ -113,7 +116,7 @@ def test_shapes_agree_and_exact_handles_are_met(case, which, rounds):
         assert np.array_equal(out[:, case.handles][exact], case.targets[exact])
         # A frame without exact handles is the decoded shape, also amid frames that are relaxed.
         loose = ~exact.any(axis=1)
-        np.testing.assert_allclose(out[loose], free[loose], atol=2e-5 * case.unit)
+        np.testing.assert_allclose(out[loose], free[loose], atol=5e-5 * case.unit)
 
 
 def test_exact_handles_move_their_surroundings_least(case):
@@ -127,6 +130,7 @@ def test_exact_handles_move_their_surroundings_least(case):
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.zeros(V)
     np.add.at(area, case.model.reference.faces, np.linalg.norm(normals, axis=1)[:, None] / 6)
+    area = np.maximum(area, 1e-6 * area.sum() / V)
     plate = laplacian @ np.diag(area.sum() / (100.0 * area)) @ laplacian + laplacian
     free = case.free @ case.Q.transpose(0, 2, 1) + case.origin[:, None]
     loose = np.setdiff1d(np.arange(V), case.handles[[0, 2]])

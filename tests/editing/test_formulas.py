@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from angles import NEAR, features_near
-from deformer.acap.features import features_to_gradients
+from deformer.acap.gradients import features_to_gradients
 from deformer.acap.jacobians import gradient_tangents
 from deformer.acap.poisson import PoissonSystem
 from deformer.editing import batch_torch, kernels

@@ -10,7 +10,7 @@ from scipy import sparse
 from scipy.spatial.transform import Rotation
 
 from deformer import AdamSettings, DeformationModel, FeatureScaler, HandleSolver, ModelConfig, train
-from deformer.geometry.mesh import one_rings
+from deformer.geometry.mesh import site_rings
 from deformer.model.latent_prior import fit_prior
 from networks import random_network
 from paths import ROOT
@@ -52,8 +52,8 @@ def untrained(mesh, layers, components=4, size=0.3, turn=2.0):
 
 
 def gradients(model, z):
-    """Decoded deformation gradients (V, 3, 3) by formula, in double precision."""
-    indptr, rings = one_rings(model.reference.faces, len(model.reference.vertices))
+    """Decoded gradients (V+B, 3, 3) of vertices and links by formula, in double precision."""
+    indptr, rings = site_rings(model.reference)
     V, degree = len(indptr) - 1, np.diff(indptr)
     mean = sparse.csr_array((1.0 / np.repeat(degree, degree), rings, indptr), shape=(V, V))
     weights = {name: w.astype(np.float64) for name, w in model.weights.arrays.items()}

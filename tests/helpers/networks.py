@@ -2,12 +2,12 @@
 
 import torch
 
-from deformer.geometry.mesh import one_rings
+from deformer.geometry.mesh import site_rings
 from deformer.network.autoencoder import MeshAutoencoder
 
 
 def random_network(mesh, layers, components=4, size=1.0):
-    """A network of a mesh with random components and biases, and the mesh's one-rings.
+    """A network of a mesh with random components and biases, and the rings of the mesh's sites.
 
     Args:
         mesh: the mesh.
@@ -15,7 +15,7 @@ def random_network(mesh, layers, components=4, size=1.0):
         components: number of latent dimensions K.
         size: standard deviation of the entries of the component matrix C.
     """
-    rings = one_rings(mesh.faces, len(mesh.vertices))
+    rings = site_rings(mesh)
     torch.manual_seed(0)
     network = MeshAutoencoder(*rings, components, layers)
     with torch.no_grad():

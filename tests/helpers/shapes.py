@@ -152,6 +152,26 @@ def sequence(count=12, around=8, rings=15):
     return MeshSequence(np.stack(poses), base.faces)
 
 
+def pieces(count=12):
+    """`sequence` with a ball that slides and turns beside it, and a vertex without a face.
+
+    Nothing of the tube's own deformation says where the ball is. The vertex stays half a unit above
+    the tube's first one.
+    """
+    tubes = sequence(count)
+    ball = icosphere(1, 0.3)
+    phase = 2 * np.pi * np.arange(count) / count
+    turns = [random_rotation(np.random.default_rng(n), 0.5) for n in range(count)]
+    balls = [
+        ball.vertices @ turn.T + [1.0 + 0.4 * np.cos(3 * p), 1.0, 0.5 * np.sin(2 * p)]
+        for turn, p in zip([np.eye(3), *turns[1:]], phase, strict=True)
+    ]
+    start = tubes.vertices.shape[1]
+    points = tubes.vertices[:, :1] + [0.0, 0.0, 0.5]
+    vertices = np.concatenate([tubes.vertices, np.stack(balls), points], axis=1)
+    return MeshSequence(vertices, np.concatenate([tubes.faces, ball.faces + start]))
+
+
 def _trained(shapes, epochs) -> DeformationModel:
     with warnings.catch_warnings():  # of torch, once a process, at the first sparse product
         warnings.simplefilter("ignore")
@@ -172,6 +192,13 @@ def small_model() -> DeformationModel:
 def large_model() -> DeformationModel:
     """The same of 1,440 vertices: more than the solver looks at while it searches."""
     return _trained(sequence(12, 24, 60), 120)
+
+
+@cache
+def pieces_model() -> DeformationModel:
+    """A model of `pieces()` with 50 components, trained once for all tests (seconds)."""
+    config = replace(PRESETS["default"], components=50).with_training(epochs=60, sparsity=0.02)
+    return train(pieces(), config=config, device="cpu")
 
 
 # One of each kind of mesh that every operator must hold on.

@@ -52,7 +52,7 @@ def test_pull_back_is_the_transposed_differential(mesh, layers):
     _, decoder = build(mesh, layers)
     rng = np.random.default_rng(2)
     z = rng.normal(size=4)
-    g = rng.normal(size=(5, len(mesh.vertices), 9))
+    g = rng.normal(size=(5, decoder.vertex_count, 9))
     expected = np.einsum("mvf,kvf->mk", g, decoder.differential(z)[1])
     np.testing.assert_allclose(decoder.pull_back(z, g), expected, rtol=1e-9, atol=1e-9)
 

@@ -14,9 +14,9 @@ SCALER = FeatureScaler(-1.5, 2.0, -0.3, 1.8)
 
 
 def build(mesh, layers, components=4):
-    """A random network, its one-rings, and scaled features (V, 19, 9): more than a batch."""
+    """A random network, its rings, and scaled features (V+B, 19, 9): more than a batch."""
     network, rings = random_network(mesh, layers, components)
-    x = np.random.default_rng(0).uniform(-0.95, 0.95, size=(len(mesh.vertices), 19, 9))
+    x = np.random.default_rng(0).uniform(-0.95, 0.95, size=(len(rings[0]) - 1, 19, 9))
     return network, rings, x
 
 

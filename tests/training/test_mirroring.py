@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from deformer.acap.features import features_to_gradients
+from deformer.acap.gradients import features_to_gradients
 from deformer.geometry.mesh import MeshSequence
 from deformer.geometry.metrics import e_rms
 from deformer.training import mirroring
