@@ -34,7 +34,8 @@ class LatentPrior:
         mean = checked_array(self.mean, "latent_mean", ("K",), largest=LARGEST)
         K = len(mean)
         S = checked_array(self.covariance, "latent_covariance", (K, K), largest=LARGEST)
-        definite = np.allclose(S, S.T, rtol=1e-6, atol=0.0)
+        # Products of matrices are symmetric up to rounding of their largest entries.
+        definite = np.allclose(S, S.T, rtol=0.0, atol=1e-6 * np.abs(S).max(initial=0.0))
         try:
             np.linalg.cholesky(S)
         except np.linalg.LinAlgError:
