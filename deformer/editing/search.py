@@ -6,6 +6,7 @@ exact energy, and near the minimum their derivative corrects that of the landmar
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,12 +34,11 @@ _ESTIMATE_TOLERANCE = 0.05
 _FINAL_STEPS = 40
 _FINAL_GAIN = 1e-8
 _REFINEMENTS = 10
-# Warm solves with unchanged targets that gain less than _RESTING try other minima. A start is worth
-# refining if its estimate is at most this share above the energy, unless it ends within _SAME (in
-# standard deviations) of the state; the result replaces the state if its energy is lower by _LOWER.
+# Warm solves with unchanged targets that gain less than this (relative, and in units of the energy)
+# search from the starts of a cold solve; the result replaces the state if its energy is lower by
+# the share _LOWER.
 _RESTING = 1e-2
-_WORTH_REFINING = 0.1
-_SAME = 0.05
+_RESTING_GAIN = 1e-9
 _LOWER = 5e-3
 # Shares of a refining step, tried in turn until one lowers the exact energy.
 _SHARES = (1.0, 0.3, 0.1, 0.03)
@@ -67,6 +67,10 @@ class _Correction:
     derivative: FloatArray
 
 
+# Yields the steps of its parts; returns the state of least energy and its correction.
+_Search = Generator[int, None, tuple[State, _Correction | None]]
+
+
 @dataclass(eq=False)
 class _Cache:
     """Results of one solve that the next one reuses.
@@ -78,9 +82,9 @@ class _Cache:
         decoded: the state whose deformation gradients the surface has.
         correction: correction of the landmarks' derivative.
         solved_for: targets and weights of the last solve.
-        starts: what is left of the starts of a cold solve, with their energies, since the handles
-            are at rest; None while they move.
-        other: a state on its way to another minimum, and its correction.
+        search: the search of a cold solve, as far as it has come since the handles are at rest;
+            None while they move.
+        searched: true once that search has ended.
     """
 
     x: FloatArray | None = None
@@ -88,8 +92,8 @@ class _Cache:
     decoded: State | None = None
     correction: _Correction | None = None
     solved_for: tuple[FloatArray, FloatArray] | None = None
-    starts: list[tuple[HandleEnergy, FloatArray]] | None = None
-    other: tuple[State, _Correction | None] | None = None
+    search: _Search | None = None
+    searched: bool = False
 
     def invalidate(self, *, vertices: bool = False) -> None:
         """Drop the results that a changed energy invalidates; the unknowns x stay.
@@ -98,13 +102,13 @@ class _Cache:
             vertices: true if the handle vertices have changed, too.
         """
         self.correction = self.solved_for = None
-        self.forget_starts()
+        self.forget_search()
         if vertices:
             self.state = None
 
-    def forget_starts(self) -> None:
-        """Drop what was tried at rest, because the handles have moved."""
-        self.starts = self.other = None
+    def forget_search(self) -> None:
+        """Drop what was searched at rest, because the handles have moved."""
+        self.search, self.searched = None, False
 
 
 class CodeSearch:
@@ -186,10 +190,13 @@ class CodeSearch:
     def restart(self, x: FloatArray) -> State:
         """Make x (K+6,) the last solution, independent of what was solved before."""
         self._cache.invalidate()
-        return self._keep(self.evaluate(x))
+        self._cache.x, self._cache.state = x, self.evaluate(x)
+        return self._cache.state
 
     def _keep(self, state: State) -> State:
+        """Make a state the solution for the present targets and weights."""
         self._cache.x, self._cache.state = state.x, state
+        self._cache.solved_for = self.energy.targets, self.energy.weights
         return state
 
     def cold(self) -> tuple[State, int]:
@@ -200,45 +207,52 @@ class CodeSearch:
         Returns:
             The state of least energy, and the steps taken.
         """
-        cache = self._cache
-        self._targets_unchanged()
-        positions = self._basis.landmark_positions()
-        coarse = [
-            energy.descend(positions, x, _START_STEPS) for energy, x in self._all_starts(positions)
-        ]
-        coarse.sort(key=lambda entry: entry[1])
-        steps = sum(entry[2] for entry in coarse)
-        finished = []
-        for x, _, _ in coarse[:_FINISHED]:
-            cache.correction = None
-            state, more = self._converge(self.evaluate(x))
-            steps += more
-            finished.append((state, cache.correction))
-        state, cache.correction = min(finished, key=lambda entry: entry[0].energy)
-        return self._keep(state), steps
+        search, steps = self._search(), 0
+        while True:
+            try:
+                steps += next(search)
+            except StopIteration as ended:
+                state, self._cache.correction = ended.value
+                self._cache.search, self._cache.searched = None, True
+                return self._keep(state), steps
 
-    def _converge(self, state: State) -> tuple[State, int]:
-        """Refine a state until its energy no longer falls."""
-        steps = 0
-        for _ in range(_REFINEMENTS):
-            before = state
-            state, more = self._refine(before)
-            steps += more
-            if state.energy > before.energy * (1.0 - _FINAL_GAIN):
-                break
-        return state, steps
+    def _search(self) -> _Search:
+        """The search of a cold solve, in parts.
+
+        Yields:
+            The steps of each part: of a descent by landmarks, or of a refinement.
+
+        Returns:
+            The state of least energy, and its correction.
+        """
+        positions, coarse = self._basis.landmark_positions(), []
+        for energy, start in self._all_starts(positions):
+            coarse.append(energy.descend(positions, start, _START_STEPS))
+            yield coarse[-1][2]
+        coarse.sort(key=lambda entry: entry[1])
+        finished: list[tuple[State, _Correction | None]] = []
+        for x, _, _ in coarse[:_FINISHED]:
+            state, correction = self.evaluate(x), None
+            for _ in range(_REFINEMENTS):
+                before = state
+                state, correction, steps = self._refined(before, correction)
+                yield steps
+                if state.energy > before.energy * (1.0 - _FINAL_GAIN):
+                    break
+            finished.append((state, correction))
+        return min(finished, key=lambda entry: entry[0].energy)
 
     @property
     def at_rest(self) -> bool:
         """True once warm solves with unchanged targets have nothing left to try."""
-        return self._cache.starts == [] and self._cache.other is None
+        return self._cache.searched and self._targets_unchanged()
 
     def warm(self, explore: bool = True) -> tuple[State, int]:
         """One frame: descend by landmarks from the last solution, then evaluate all vertices.
 
         If targets and weights are those of the last solve, refine towards the exact minimum. Once
-        that is reached, try the starts of a cold solve, one a call: a drag over a long way may have
-        come to a minimum that is not the lowest.
+        that is reached, do a cold solve, a part a call: a drag over a long way may have come to a
+        minimum that is not the lowest.
 
         Args:
             explore: false to stay in the minimum of the last solution.
@@ -257,84 +271,76 @@ class CodeSearch:
         # The energy of the last unknowns changes with the targets.
         state = replace(state, energy=self.energy.value(state.x, state.p))
         if self._targets_unchanged():
-            found, steps = self._refine(state)
-            if explore and found.energy > state.energy * (1.0 - _RESTING):
+            found, cache.correction, steps = self._refined(state, cache.correction)
+            least_gain = _RESTING * state.energy + _RESTING_GAIN
+            if explore and not cache.searched and state.energy - found.energy <= least_gain:
                 found, more = self._explore(found)
                 steps += more
             return self._keep(found), steps
-        cache.forget_starts()
-        x, estimate, steps = self._descend_by_landmarks(state, _FRAME_STEPS, _FRAME_GAIN)
+        cache.forget_search()
+        frame = cache.correction, _FRAME_STEPS, _FRAME_GAIN
+        x, estimate, steps = self._descend_by_landmarks(state, *frame)
         found = self.evaluate(x)
         if found.energy > estimate + _ESTIMATE_TOLERANCE * (abs(estimate) + 1.0):
             better = found if found.energy < state.energy else state
-            x, _, more = self._descend_by_landmarks(better, _FRAME_STEPS, _FRAME_GAIN)
+            x, _, more = self._descend_by_landmarks(better, *frame)
             again, steps = self.evaluate(x), steps + more
             found = min((again, found), key=lambda entry: entry.energy)
         return self._keep(min((state, found), key=lambda entry: entry.energy)), steps
 
     def _explore(self, state: State) -> tuple[State, int]:
-        """A part of the search for a lower minimum: a start, or a refinement of what it led to.
+        """Do the next part of a cold solve; its result, if that is lower, else `state`; the steps.
 
-        Returns:
-            The state of the lower minimum once it is found, else `state`, and the steps taken.
+        The correction of the landmarks' derivative is then that of the result.
         """
-        cache, positions = self._cache, self._basis.landmark_positions()
-        if cache.starts is None:
-            cache.starts = self._all_starts(positions)
-        elif cache.other is not None:
-            return self._refine_other(state, *cache.other)
-        elif cache.starts:
-            energy, start = cache.starts.pop(0)
-            x, estimate, steps = energy.descend(positions, start, _START_STEPS)
-            near = np.linalg.norm(x - state.x) < _SAME
-            if not near and estimate < state.energy * (1.0 + _WORTH_REFINING):
-                cache.other = self.evaluate(x), None
-            return state, steps
-        return state, 0
-
-    def _refine_other(
-        self, state: State, other: State, correction: _Correction | None
-    ) -> tuple[State, int]:
-        """Refine a state that may be on its way below `state`; the lower one, and the steps."""
         cache = self._cache
-        own, cache.correction, cache.other = cache.correction, correction, None
-        refined, steps = self._refine(other)
-        if refined.energy < state.energy * (1.0 - _LOWER):
-            self.jumped = True
-            return refined, steps
-        if refined.energy < other.energy * (1.0 - _RESTING):
-            cache.other = refined, cache.correction
-        cache.correction = own
-        return state, steps
+        if cache.search is None:
+            cache.search = self._search()
+        try:
+            return state, next(cache.search)
+        except StopIteration as ended:
+            cache.searched = True
+            found, correction = ended.value
+        if found.energy >= state.energy * (1.0 - _LOWER):
+            return state, 0
+        self.jumped, cache.correction = True, correction
+        return found, 0
 
     def _targets_unchanged(self) -> bool:
-        """True if the last solve had the present targets and weights; stores the present ones."""
-        now = self.energy.targets, self.energy.weights
-        last, self._cache.solved_for = self._cache.solved_for, now
+        """True if the last solution is for the present targets and weights."""
+        last, now = self._cache.solved_for, (self.energy.targets, self.energy.weights)
         return last is not None and all(map(np.array_equal, last, now))
 
-    def _refine(self, state: State) -> tuple[State, int]:
-        """Descend by landmarks whose derivative is corrected by that of all vertices."""
-        correction = self._cache.correction
+    def _refined(
+        self, state: State, correction: _Correction | None
+    ) -> tuple[State, _Correction, int]:
+        """Descend by landmarks whose derivative is corrected by that of all vertices.
+
+        Args:
+            state: to start from.
+            correction: an earlier correction, which is reused if it is that of the state.
+
+        Returns:
+            A state whose energy is not higher, the correction used, and the steps taken.
+        """
         if correction is None or not np.array_equal(correction.x, state.x):
             z = self.energy.code(state.x)
             exact, landmarks = self._basis.exact_positions(), self._basis.landmark_positions()
             difference = exact.at(z).derivative() - landmarks.at(z).derivative()
-            self._cache.correction = _Correction(state.x, difference)
-        x, _, steps = self._descend_by_landmarks(state, _FINAL_STEPS, _FINAL_GAIN)
+            correction = _Correction(state.x, difference)
+        x, _, steps = self._descend_by_landmarks(state, correction, _FINAL_STEPS, _FINAL_GAIN)
         step = x - state.x
         # Far from the state the corrected landmarks may be wrong: a shorter step may be better.
         for share in _SHARES if step.any() else ():
             found = self.evaluate(state.x + share * step)
             if found.energy < state.energy:
-                return found, steps
-        return state, steps
+                return found, correction, steps
+        return state, correction, steps
 
     def _descend_by_landmarks(
-        self, state: State, steps: int, relative_gain: float
+        self, state: State, correction: _Correction | None, steps: int, relative_gain: float
     ) -> tuple[FloatArray, float, int]:
         """Descend from a state with handle positions by landmarks, which are exact at the state."""
-        correction = self._cache.correction
         positions = CorrectedHandlePositions(
             self._basis.landmark_positions(), None if correction is None else correction.derivative
         )
