@@ -15,7 +15,7 @@ from deformer_app.viewer.edit import Edit, Handle, Solution, point
 from deformer_app.viewer.session import Session
 
 # Improved poses of one request, at most: while the mouse does not move, and after its release.
-_FRAMES = 40
+_FRAMES = 200
 _STILL = 1e-4  # relative decrease of the energy that counts as converged
 
 
