@@ -29,6 +29,7 @@ from .editing import (
     Uncertainty as Uncertainty,
     fit_sequence as fit_sequence,
     uncertainty as uncertainty,
+    unit_warning as unit_warning,
 )
 from .errors import (
     InputError as InputError,

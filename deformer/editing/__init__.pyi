@@ -21,3 +21,6 @@ from .sequence import (
 from .solver import (
     HandleSolver as HandleSolver,
 )
+from .units import (
+    unit_warning as unit_warning,
+)

@@ -80,6 +80,9 @@ def fit_sequence(
 ) -> SequenceFit:
     """Fit a model to frames of handle targets.
 
+    Targets that are most likely in other units than the model are logged as a warning
+    (`unit_warning`).
+
     Args:
         model: the prior.
         vertices: (H,) handle vertices, all different.
@@ -112,6 +115,7 @@ def fit_sequence(
         resolve_device(device)
     # In a motion the body may go anywhere: the rigid motion has the diffuse prior alone.
     solver = HandleSolver(model, rigid=rigid, noise=noise, freedom=1.0)
+    solver.warn_of_units(index, np.where(factors[..., None] > 0, goals, np.nan))
     basis = solver.basis
     basis.set_vertices(index.tolist())
     batch = _backend(basis, device, backend)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,11 +24,14 @@ from deformer.editing.energy import HandleEnergy
 from deformer.editing.green_functions import HandleBasis
 from deformer.editing.handles import Handle, Pose, check_handles, check_target
 from deformer.editing.search import CodeSearch, State
+from deformer.editing.units import unit_warning
 from deformer.editing.unknowns import Unknowns
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
 from deformer.linalg import CORES, one_blas_thread
 from deformer.model import DeformationModel
+
+_log = logging.getLogger("deformer")
 
 # Modules whose kernels a solve calls.
 _KERNELS = (
@@ -97,6 +101,7 @@ class HandleSolver:
         energy = HandleEnergy.of_model(model, noise, rigid)
         self._search = CodeSearch(energy, self.basis, model.codes)
         self._exact: IntArray = np.empty(0, dtype=np.int64)
+        self._warning: str | None = None
         self.set_prior(noise=noise, freedom=freedom)
         self._assign([])
 
@@ -124,6 +129,9 @@ class HandleSolver:
     ) -> None:
         """Replace all handles.
 
+        Targets that are most likely in other units than the model are logged as a warning
+        (`unit_warning`).
+
         Args:
             vertices: (H,) vertex indices; H may be 0. The target of a vertex given twice is the
                 weighted mean of its targets.
@@ -136,12 +144,20 @@ class HandleSolver:
                 positive, or lengths that differ.
         """
         index, goals, factors, exact = check_handles(self.model, vertices, targets, weights, hard)
+        self.warn_of_units(index, goals)
         self._assign(
             [
                 Handle(int(v), (float(t[0]), float(t[1]), float(t[2])), float(w), bool(e))
                 for v, t, w, e in zip(index, goals, factors, exact, strict=True)
             ]
         )
+
+    def warn_of_units(self, vertices: IntArray, targets: FloatArray) -> None:
+        """Log the `unit_warning` of targets, unless the targets before had the same."""
+        warning = unit_warning(self.model, vertices, targets)
+        if warning is not None and warning != self._warning:
+            _log.warning(warning)
+        self._warning = warning
 
     def set_prior(
         self,

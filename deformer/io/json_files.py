@@ -114,11 +114,13 @@ def load_handles(path: PathLike, vertex_count: int) -> HandleFile:
 
     Args:
         path: JSON `{"handles": [{"vertex": 17, "position": [x, y, z], "weight": 1.0}, …]}`, weight
-            optional, or `{"frames": [[…handles…], …]}`.
+            optional, or `{"frames": [[…handles…], …]}`. A handle whose position is null, or three
+            nulls, is not seen, and left out; a frame may be empty.
         vertex_count: number of vertices of the mesh.
 
     Raises:
-        InputError: a key or value is missing or wrong; the message names frame and handle.
+        InputError: a key or value is missing or wrong, or no handle is seen at all; the message
+            names frame and handle.
     """
     data = read_value(path)
     if ("handles" in data) == ("frames" in data):
@@ -130,27 +132,30 @@ def load_handles(path: PathLike, vertex_count: int) -> HandleFile:
     frames = data["frames"].items() if is_sequence else [data["handles"]]
     if not frames:
         raise data["frames"].error("a list of frames")
-    return HandleFile(tuple(_frame(handles, vertex_count) for handles in frames), is_sequence)
+    found = tuple(_frame(handles, vertex_count) for handles in frames)
+    if not any(found):
+        where = data["frames" if is_sequence else "handles"]
+        raise InputError(
+            f"{where}: no handle has a position, expected at least one handle that does; add one"
+        )
+    return HandleFile(found, is_sequence)
 
 
 def _frame(handles: JsonValue, vertex_count: int) -> tuple[HandleTarget, ...]:
-    entries = handles.items()
-    if not entries:
-        raise handles.error("a list of at least one handle", "add one")
-    frame: dict[int, HandleTarget] = {}
-    for entry in entries:
-        handle = _handle(entry, vertex_count)
-        if handle.vertex in frame:
+    """The handles of a frame that are seen."""
+    seen: list[HandleTarget] = []
+    vertices: list[int] = []
+    for entry in handles.items():
+        entry.check_keys(("vertex", "position"), ("weight",))
+        vertex = entry["vertex"].integer(0, vertex_count - 1)
+        weight = entry["weight"].number(above=0, most=LARGEST) if "weight" in entry else 1.0
+        if vertex in vertices:
             raise InputError(
-                f"{entry}: vertex {handle.vertex} already has handle "
-                f"{list(frame).index(handle.vertex)}, expected each vertex once; remove one"
+                f"{entry}: vertex {vertex} already has handle {vertices.index(vertex)}, expected "
+                "each vertex once; remove one"
             )
-        frame[handle.vertex] = handle
-    return tuple(frame.values())
-
-
-def _handle(handle: JsonValue, vertex_count: int) -> HandleTarget:
-    handle.check_keys(("vertex", "position"), ("weight",))
-    x, y, z = handle["position"].numbers(3)
-    weight = handle["weight"].number(above=0, most=LARGEST) if "weight" in handle else 1.0
-    return HandleTarget(handle["vertex"].integer(0, vertex_count - 1), (x, y, z), weight)
+        vertices.append(vertex)
+        if entry["position"].value not in (None, [None, None, None]):
+            x, y, z = entry["position"].numbers(3)
+            seen.append(HandleTarget(vertex, (x, y, z), weight))
+    return tuple(seen)

@@ -812,6 +812,15 @@ def test_handles(tmp_path):
     assert io.load_handles(path, 5) == io.HandleFile(((first,), (second, first)), True)
 
 
+@pytest.mark.parametrize("missing", [None, [None] * 3])
+def test_handles_that_are_not_seen_are_left_out(tmp_path, missing):
+    one = {"vertex": 4, "position": [1, 2.5, -3]}
+    frames = [[one, {"vertex": 2, "position": missing}], [], [{"vertex": 4, "position": missing}]]
+    path = write(tmp_path / "h.json", json.dumps({"frames": frames}))
+    seen = io.HandleTarget(4, (1.0, 2.5, -3.0))
+    assert io.load_handles(path, 5) == io.HandleFile(((seen,), (), ()), True)
+
+
 HANDLE = '{"vertex": 1, "position": [0, 0, 0]}'
 
 
@@ -820,10 +829,10 @@ HANDLE = '{"vertex": 1, "position": [0, 0, 0]}'
     [
         ("{}", ["'handles' or 'frames'"]),
         (f'{{"handles": [{HANDLE}], "frames": [[{HANDLE}]]}}', ["'handles' or 'frames'"]),
-        ('{"handles": []}', ["at least one handle"]),
+        ('{"handles": []}', ["handles", "no handle has a position"]),
+        ('{"frames": [[], [{"vertex": 1, "position": null}]]}', ["frames", "no handle has"]),
         ('{"handles": {}}', ["a list"]),
         ('{"frames": []}', ["list of frames"]),
-        (f'{{"frames": [[{HANDLE}], []]}}', ["frames[1]", "at least one handle"]),
         (f'{{"handles": [{HANDLE}, 7]}}', ["handles[1]", "7"]),
         ('{"handles": [{"vertex": 1}]}', ["handles[0]", "position"]),
         (f'{{"handles": [{HANDLE}, {HANDLE}]}}', ["handles[1]", "vertex 1", "handle 0"]),

@@ -62,6 +62,12 @@ def describe(found: deformer.Pose) -> dict[str, Any]:
     }
 
 
+def unit_warning(model: DeformationModel, handles: io.HandleFile) -> str | None:
+    """A warning if the targets are most likely in other units than the model; else None."""
+    vertices, targets, weights = _tracks(handles)
+    return deformer.unit_warning(model, vertices, np.where(weights[..., None] > 0, targets, np.nan))
+
+
 def sequence(
     model: DeformationModel,
     handles: io.HandleFile,
@@ -125,11 +131,15 @@ def _tracks(handles: io.HandleFile) -> tuple[NDArray, NDArray, NDArray]:
     return vertices, targets, weights
 
 
-def _residuals(distances: NDArray) -> dict[str, float]:
-    """Root mean square and largest of the distances; NaN marks a missing handle."""
-    if not len(distances):
-        return {"residual_rms": 0.0, "max_residual": 0.0}
+def _residuals(distances: NDArray) -> dict[str, float | None]:
+    """Root mean square and largest of the distances, NaN for a handle that is not seen.
+
+    They are None for a frame in which no handle is seen.
+    """
+    seen = distances[~np.isnan(distances)]
+    if not len(seen):
+        return {"residual_rms": None, "max_residual": None}
     return {
-        "residual_rms": float(np.sqrt(np.nanmean(distances**2))),
-        "max_residual": float(np.nanmax(distances)),
+        "residual_rms": float(np.sqrt(np.mean(seen**2))),
+        "max_residual": float(seen.max()),
     }

@@ -327,7 +327,8 @@ def fit(
         vertices, result = fitting.pose(loaded, file, hard)
         fitting.save(output, loaded.reference.faces, vertices)
     if as_json:
-        console.emit({**result, "output": str(output)})
+        warning = fitting.unit_warning(loaded, file)
+        console.emit({**result, "warning": warning, "output": str(output)})
         return
     hidden = ("z", "frames")
     facts = {name: value for name, value in result.items() if name not in hidden}

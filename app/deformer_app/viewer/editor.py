@@ -132,6 +132,7 @@ class Editor:
         """
         session = Session.load(path)
         self.open_model(model or session.model.path, session)
+        self._note_units()
 
     def save_session(self, path: str | Path) -> None:
         """Write the session to a file."""
@@ -265,7 +266,15 @@ class Editor:
         solution = answer.solution if answer and answer.request.edit == self.edit else None
         if self.session.commit(label, solution):
             self._announce(HistoryChanged(), HandlesChanged())
+            self._note_units()
         self._ask()
+
+    def _note_units(self) -> None:
+        """Tell the user if the targets are most likely in other units than the model."""
+        vertices, targets, _, _ = self.edit.arrays()
+        warning = deformer.unit_warning(self.model, vertices, targets)
+        if warning is not None:
+            self.note(warning)
 
     def revert(self) -> None:
         """Discard the current change."""

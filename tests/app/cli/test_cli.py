@@ -197,6 +197,55 @@ def test_fit_of_a_sequence_passes_its_options_on(run_json, model_path, tmp_path)
     assert jitter[100] < 0.7 * jitter[0]
 
 
+def test_fit_bridges_markers_that_are_not_seen(run_json, model_path, tmp_path):
+    """A null position, a missing handle and an empty frame are all those of weight 0."""
+    vertices, shapes = [0, 60, 100, 225], bending_bar().vertices[:6]
+    weights = np.ones((6, 4))
+    weights[0], weights[2], weights[4, 1:3], weights[5, 0] = 0, 0, 0, 0
+    frames = [
+        [
+            {"vertex": v, "position": list(shapes[f, v]) if weights[f, h] else None}
+            for h, v in enumerate(vertices)
+        ]
+        for f in range(6)
+    ]
+    frames[2] = []
+    del frames[4][1]
+    handles = tmp_path / "frames.json"
+    handles.write_text(json.dumps({"frames": frames}))
+    result = run_json("fit", model_path, handles, "-o", tmp_path / "poses.npz")
+    expected = deformer.fit_sequence(
+        deformer.load_model(model_path), vertices, shapes[:, vertices], weights=weights
+    )
+    found = deformer.load_shapes(tmp_path / "poses.npz").vertices
+    assert abs(found - expected.vertices).max() < 1e-6
+    assert result["frames"][2]["max_residual"] is None
+    assert result["max_residual"] == pytest.approx(np.nanmax(expected.residual))
+
+
+@pytest.mark.parametrize("name", ["frame_without_markers", "null_marker"])
+def test_fit_reads_marker_files(run_json, model_path, tmp_path, name):
+    handles = Path(__file__).parent / f"{name}.json"
+    result = run_json("fit", model_path, handles, "-o", tmp_path / "poses.npz")
+    assert len(result["frames"]) == len(json.loads(handles.read_text())["frames"])
+    assert np.isfinite(deformer.load_shapes(tmp_path / "poses.npz").vertices).all()
+
+
+def test_fit_warns_of_other_units(run, model_path, tmp_path):
+    frame = frame_of(3, (0, 60, 100, 225))
+    for factor, told in ((1.0, False), (1000.0, True)):
+        scaled = {v: factor * np.array(p) for v, p in frame.items()}
+        handles = write_handles(tmp_path / "handles.json", [scaled])
+        options = ["-o", tmp_path / "pose.ply", "--json"]
+        status, out, err = run("fit", model_path, handles, *options)
+        warning = json.loads(out)["warning"]
+        assert status == 0
+        assert (warning is not None) == told
+        if told:
+            assert "millimetres" in warning and "scale them by 0.001" in warning
+            assert err.splitlines().count(warning) == 1
+
+
 def test_train_takes_a_split(run_json, run, shapes_path, tmp_path):
     split = {"train": [0, 1, 2, 3, 4, 5, 6], "test": [7, 8]}
     (tmp_path / "split.json").write_text(json.dumps(split))

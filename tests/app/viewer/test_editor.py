@@ -616,6 +616,18 @@ def test_recent_files_are_the_latest_first_and_once(tmp_path):
     assert settings.tour_seen
 
 
+def test_targets_in_other_units_are_told(editor, heard):
+    rest = editor.model.reference.vertices
+    for factor in (1.0, 1000.0):
+        handles = [
+            Handle(n + 1, (v,), (tuple(factor * rest[v]),)) for n, v in enumerate((0, 40, 80, 119))
+        ]
+        editor.session.change(editor.edit.with_handles(handles))
+        editor.commit("Place handles")
+        told = any("millimetres" in text for text in texts(heard, NoticeGiven))
+        assert told == (factor > 1)
+
+
 def test_a_session_brings_its_target_back(editor, tmp_path, heard):
     target = deformer.Mesh(sequence().vertices[4], editor.model.reference.faces)
     mesh, file = tmp_path / "t.ply", tmp_path / "a.json"

@@ -1,0 +1,121 @@
+"""Truths of the warning about handle targets in other units than the model."""
+
+import json
+import logging
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from deformer import HandleSolver, Mesh, fit_sequence, unit_warning
+from shapes import random_rotation, small_model
+
+HANDLES = np.arange(4, 120, 12)
+FACTORS = {
+    1000.0: ("millimetres", "metres"),
+    100.0: ("centimetres", "metres"),
+    10.0: ("millimetres", "centimetres"),
+    25.4: ("millimetres", "inches"),
+    2.54: ("centimetres", "inches"),
+    12.0: ("inches", "feet"),
+    1 / 0.3048: ("feet", "metres"),
+    1 / 0.0254: ("inches", "metres"),
+}
+
+
+@pytest.fixture(scope="module")
+def model():
+    return small_model()
+
+
+@pytest.fixture(scope="module")
+def shapes(model):
+    return model.decode(model.codes)
+
+
+def moved(rng, points, distance):
+    """Points rigidly moved by a random rotation and a random shift of a length."""
+    shift = rng.normal(size=3)
+    return points @ random_rotation(rng).T + distance * shift / np.linalg.norm(shift)
+
+
+@pytest.mark.parametrize("factor", FACTORS)
+@pytest.mark.parametrize("inverse", [False, True])
+def test_targets_in_other_units_are_named_with_the_factor(model, shapes, factor, inverse):
+    fine, coarse = FACTORS[factor]
+    scale = 1 / factor if inverse else factor
+    for shape in (model.reference.vertices, shapes[2]):
+        warning = unit_warning(model, HANDLES, scale * shape[HANDLES])
+        expected = (coarse, fine) if inverse else (fine, coarse)
+        assert f"in {expected[0]} and the model in {expected[1]}" in warning
+        assert f"scale them by {1 / scale:.4g}" in warning
+
+
+def test_poses_and_motion_are_no_reason(model, shapes):
+    rng, D = np.random.default_rng(0), model.reference.bounding_diagonal
+    for shape in shapes:
+        for count in (1, 2, 3, 5, 10):
+            chosen = rng.choice(HANDLES, count, replace=False)
+            away = moved(rng, shape[chosen], 20 * D)
+            assert unit_warning(model, chosen, away) is None
+
+
+@pytest.mark.parametrize("distance", [1.0, 5.0, 9.0, 20.0])
+def test_one_handle_dragged_far_is_no_reason(model, distance):
+    rng, D = np.random.default_rng(1), model.reference.bounding_diagonal
+    rest = model.reference.vertices
+    for _ in range(100):
+        chosen = rng.choice(len(rest), rng.integers(1, 8), replace=False)
+        targets = rest[chosen].copy()
+        direction = rng.normal(size=3)
+        targets[0] += distance * D * direction / np.linalg.norm(direction)
+        assert unit_warning(model, chosen, targets) is None
+
+
+def test_handles_brought_together_are_no_reason(model):
+    rng, D = np.random.default_rng(2), model.reference.bounding_diagonal
+    rest = model.reference.vertices
+    for _ in range(200):
+        chosen = rng.choice(len(rest), rng.integers(2, 8), replace=False)
+        where = rng.normal(size=3)
+        targets = where + 0.01 * D * rng.normal(size=(len(chosen), 3))
+        assert unit_warning(model, chosen, targets) is None
+        assert unit_warning(model, chosen, np.zeros((len(chosen), 3))) is None
+
+
+def test_one_or_two_handles_a_thousand_times_too_far(model, shapes):
+    for chosen in ([4], [4, 88]):
+        assert "millimetres" in unit_warning(model, chosen, 1000 * (5 + shapes[1][chosen]) - 4800)
+
+
+def test_markers_of_a_sheet_in_millimetres():
+    x, y = np.meshgrid(np.linspace(0, 1, 6), np.linspace(0, 1, 6))
+    sheet = Mesh(np.stack([x, y, 0 * x], axis=2).reshape(-1, 3), [[0, 1, 6]])
+    file = json.loads((Path(__file__).parent / "millimetres.json").read_text())["handles"]
+    vertices, targets = ([handle[key] for handle in file] for key in ("vertex", "position"))
+    warning = unit_warning(SimpleNamespace(reference=sheet), vertices, targets)
+    assert "span about 1000 times" in warning and "scale them by 0.001" in warning
+
+
+def test_frames_agree_and_markers_may_be_missing(model, shapes, caplog):
+    targets = 1000 * shapes[:, HANDLES]
+    targets[0] = np.nan
+    targets[1:, 3] = np.nan
+    assert "millimetres" in unit_warning(model, HANDLES, targets)
+    targets[3:] /= 1000
+    assert unit_warning(model, HANDLES, targets) is None
+    assert unit_warning(model, HANDLES, np.full_like(targets, np.nan)) is None
+    assert unit_warning(model, [], np.empty((0, 3))) is None
+
+
+def test_solvers_log_it_once(model, shapes, caplog):
+    caplog.set_level(logging.WARNING, logger="deformer")
+    solver = HandleSolver(model)
+    for _ in range(3):
+        solver.set_handles(HANDLES, 1000 * shapes[1][HANDLES])
+    assert len(caplog.messages) == 1 and "millimetres" in caplog.messages[0]
+    solver.set_handles(HANDLES, shapes[1][HANDLES])
+    assert len(caplog.messages) == 1
+    fit_sequence(model, HANDLES, 0.01 * shapes[:4, HANDLES])
+    assert len(caplog.messages) == 2 and "centimetres" in caplog.messages[1]
