@@ -19,6 +19,8 @@ from deformer.preflight.statistics import Statistics
 
 # Residual of a rigid fit, in bounding diagonals, that the rounding of float32 data explains.
 RIGID_TOLERANCE = 1e-5
+# Below this number of shapes, more of them help much, whatever the number of components.
+_FEW = 20
 
 
 def examine(shapes: MeshSequence, names: Sequence[str] | None = None) -> Report:
@@ -66,7 +68,7 @@ def _examine_shapes(shapes: MeshSequence, facts: dict[str, Any], label: Labels) 
     measures = Statistics.measure(shapes)
     order = frames.reordered(measures, label)
     far = frames.far_vertices(measures, _shapes_of(order), label)
-    flat = frames.flattened(measures, label)
+    flat = frames.flattened(measures, _shapes_of(order), label)
     wrong = _shapes_of(order + flat)
     units = frames.sizes(measures, wrong, label)
     orientation = examine_orientation(measures, wrong, label)
@@ -99,17 +101,29 @@ def _examine_variety(shapes: MeshSequence, facts: dict[str, Any], label: Labels)
                 "deformation; add shapes that differ",
             )
         ]
+    findings = []
+    if len(shapes) < _FEW:
+        findings.append(
+            Finding(
+                "info",
+                "few",
+                f"{len(shapes)} shapes: errors of poses like none of them fall as shapes are "
+                f"added, up to a few dozen; add others that differ, at best to {_FEW} or more "
+                "(the number of components matters little)",
+            )
+        )
     if not duplicates:
-        return []
+        return findings
     first, second = duplicates[0]
     return [
+        *findings,
         Finding(
             "warning",
             "repeated",
             f"shapes that repeat an earlier one: {len(duplicates)}, e.g. {label([second])} equals "
             f"{label([first])}, expected none; remove the copies",
             tuple(later for _, later in duplicates),
-        )
+        ),
     ]
 
 

@@ -32,15 +32,19 @@ _GAP = 1.6
 _RANDOM_EDGE = 0.35
 # A vertex has changed places if another is this much nearer to the middle of its neighbours.
 _NEARER = 0.5
+# A vertex lies beside another within so many typical edges.
+_BESIDE = 2.0
 # Part of the vertices from which on those far off are taken for vertices in another order.
 _MANY = 0.1
 # Thickness over the usual one that counts as none, and the least usual thickness over the length:
 # a set of flat shapes is what it is.
 _FLAT, _THICK = 1e-2, 1e-2
+# Thickness over the length that is rounding alone.
+_LINE = 1e-9
 # A sheet that lies flat keeps its lengths; a body that is pressed flat loses many.
 # Part of a flat shape's area that has its other side up when it is no sheet.
 _BACK = 0.05
-_LOST_LENGTH, _LOST_EDGES = 0.5, 0.02
+_LOST_LENGTH, _LOST_EDGES = 0.5, 0.05
 
 
 def points(shapes: MeshSequence, label: Labels) -> list[Finding]:
@@ -66,7 +70,8 @@ def reordered(measures: Statistics, label: Labels) -> list[Finding]:
     usual = np.sort(rough)[(N - 1) // 2]
     limit = max(_RANDOM_EDGE, min(2.0 * usual, 0.8))
     findings = []
-    for n in range(N):
+    on_a_line = measures.sigma[:, 1] < _LINE * measures.sigma[:, 0]
+    for n in np.flatnonzero(~on_a_line).tolist():
         if rough[n] > max(limit, 1.5 * usual) and measures.spread[n] > 0.25:
             findings.append(_order(label, n, None, f"edges are {rough[n] / usual:.3g} times as "
                                    "long as usual while its size is as usual"))  # fmt: skip
@@ -77,6 +82,9 @@ def reordered(measures: Statistics, label: Labels) -> list[Finding]:
         elif n in measures.long and len(off := _exchanged(measures, n, measures.long[n])):
             findings.append(_order(label, n, off, f"{len(off)} vertices, e.g. {off[0]}, lie where "
                                    "others of them belong"))  # fmt: skip
+        elif n in measures.far and len(off := _elsewhere(measures, n, measures.long[n])):
+            findings.append(_order(label, n, None, f"{len(off)} vertices, e.g. {off[0]}, lie on a "
+                                   "part of the surface that is not theirs"))  # fmt: skip
     return findings
 
 
@@ -108,6 +116,25 @@ def _exchanged(measures: Statistics, n: int, long: IntArray) -> IntArray:
     taken = known & (distance < _NEARER * own) & (distance < 2.0 * typical)
     share = len(np.unique(nearest[taken])) / known.sum()
     return long if taken.sum() > 1 and share > 0.5 else long[:0]
+
+
+def _elsewhere(measures: Statistics, n: int, long: IntArray) -> IntArray:
+    """Those of the vertices `long` that lie beside vertices far from them on the surface.
+
+    None unless they are most, and two at least. So they lie where an order is shifted: there, all
+    but a few vertices are near their neighbours nevertheless.
+    """
+    p, pairs = measures.shapes.vertices[n], measures.edges
+    typical = measures.scale[n] * np.median(measures.usual_lengths)
+    # Several at one place are lost ones, put at the origin for example.
+    _, place, count = np.unique(p[long], axis=0, return_inverse=True, return_counts=True)
+    alone = count[place.ravel()] == 1
+    near = KDTree(p).query_ball_point(p[long], _BESIDE * typical)
+    beside = np.zeros(len(long), dtype=bool)
+    for k in np.flatnonzero(alone):
+        around = pairs[np.isin(pairs, pairs[(pairs == long[k]).any(axis=1)]).any(axis=1)]
+        beside[k] = len(np.setdiff1d(near[k], around)) > 0
+    return long[beside] if beside.sum() > max(1, len(long) // 2) else long[:0]
 
 
 def ring_middles(p: FloatArray, edges: IntArray, chosen: IntArray) -> tuple[FloatArray, np.ndarray]:
@@ -174,7 +201,10 @@ def sizes(measures: Statistics, excluded: set[int], label: Labels) -> list[Findi
         verb = "is" if len(members) == 1 else "are"
         text = f"{label(members.tolist())} {verb} {ratio:.3g} times as large as the others"
         if unit is None:
-            text += ", expected about 1; bring all to the same units"
+            text += (
+                ", a factor between no two usual units, expected about 1; export again, or scale "
+                f"by {1 / ratio:.4g}"
+            )
         else:
             text += (
                 f", as if in {unit[1]} where they are in {unit[2]}, expected the same units; scale "
@@ -195,11 +225,11 @@ def _unit(ratio: float) -> tuple[float, str, str] | None:
     return None
 
 
-def flattened(measures: Statistics, label: Labels) -> list[Finding]:
+def flattened(measures: Statistics, excluded: set[int], label: Labels) -> list[Finding]:
     """Warnings of shapes pressed to a plane or a line; an error if no shape is a surface."""
     sigma = measures.sigma
     relative = sigma[:, 1:] / np.maximum(sigma[:, :1], 1e-300)
-    if (relative[:, 0] < 1e-9).all():
+    if (relative[:, 0] < _LINE).all():
         return [
             Finding(
                 "error",
@@ -209,9 +239,9 @@ def flattened(measures: Statistics, label: Labels) -> list[Finding]:
         ]
     usual = np.median(relative, axis=0)
     findings = []
-    if (relative[:, 1] < 1e-9).all():
+    if (relative[:, 1] < _LINE).all():
         return _all_flat(measures)
-    for n in range(len(sigma)):
+    for n in (n for n in range(len(sigma)) if n not in excluded):
         thin = (relative[n] < _FLAT * usual) & (usual > _THICK)
         if not thin.any() or not _lost_lengths(measures, n):
             continue

@@ -25,8 +25,9 @@ from deformer.preflight.report import Finding, Labels
 from deformer.preflight.statistics import Statistics, evenly, face_frames
 
 LARGE_ROTATION = np.pi / 2
-# Aligning helps if it brings local rotations this much closer to those of shape 0.
-_CLOSER = 0.5
+# Aligning helps if it brings local rotations this much closer to those of shape 0, those of a
+# turned shape and those of all. Of shapes that bend far it brings them closer and harms.
+_CLOSER, _ALL_CLOSER = 0.5, 1 / 3
 # A shape's axes are mixed up if undoing it brings its local rotations this much closer to those of
 # some other shape, and most shapes have no such doubt.
 _MUCH_CLOSER = 0.4
@@ -115,7 +116,7 @@ def examine_orientation(measures: Statistics, excluded: set[int], label: Labels)
     after = 1.0 - np.einsum("nij,nij->n", K[others], C) / 3.0
     facts["local_rotations"] = {"as_they_are": float(before.mean()), "aligned": float(after.mean())}
     turned = others[(angles[others] > LARGE_ROTATION) & (after < _CLOSER * before)]
-    if len(turned) and after.sum() < _CLOSER * before.sum():
+    if len(turned) and after.sum() < _ALL_CLOSER * before.sum():
         worst = turned[angles[turned].argmax()]
         findings.append(
             Finding(

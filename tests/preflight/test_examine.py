@@ -55,8 +55,8 @@ def test_healthy_shapes_have_counts_and_no_complaint():
     report = examine(healthy())
     assert report.usable
     assert messages(report, "error") == messages(report, "warning") == []
-    (info,) = messages(report, "info")
-    assert "boundary loops: 1" in info
+    assert "boundary loops: 1" in report.of_kind("open")[0].message
+    assert {finding.kind for finding in report.findings} == {"open", "few"}
     diagonals = [np.linalg.norm(np.ptp(v, axis=0)) for v in healthy().vertices]
     expected = {
         "shapes": 4,
@@ -105,6 +105,16 @@ def test_one_shape_is_unusable():
     report = examine(healthy(1))
     assert not report.usable
     assert "1 shape" in messages(report, "error")[0]
+
+
+@pytest.mark.parametrize(("count", "few"), [(2, True), (19, True), (20, False), (60, False)])
+def test_few_shapes_are_said_as_information_and_stay_usable(count, few):
+    report = examine(healthy(count))
+    found = report.of_kind("few")
+    assert [finding.severity for finding in found] == ["info"] * few
+    assert report.usable
+    if few:
+        assert f"{count} shapes" in found[0].message
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])

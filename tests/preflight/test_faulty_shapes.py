@@ -69,6 +69,13 @@ def sheet():
     return np.column_stack([x, y, 0 * x]), faces
 
 
+def grid_shapes(count):
+    """A sheet that bends more and more."""
+    vertices, faces = sheet()
+    heights = 0.005 * np.arange(count)[:, None, None] * (vertices[:, :1] - 4) ** 2
+    return MeshSequence(vertices + heights * [0, 0, 1], faces)
+
+
 def test_a_sheet_may_bend_either_way():
     vertices, faces = sheet()
     shapes = [
@@ -89,6 +96,15 @@ def test_units_are_named_with_their_factor(factor, unit, n):
     assert (found.kind, found.shapes) == ("units", (n,))
     assert f"as if in {unit}" in found.message
     assert found.values["scale"] * factor == pytest.approx(1, rel=1e-6)
+
+
+@pytest.mark.parametrize("factor", [7.3, 1 / 55])
+def test_a_size_between_no_two_units_is_named_as_such(factor):
+    found = the_fault(changed(bending(), 3, lambda p: p * factor))
+    assert (found.kind, found.shapes) == ("units", (3,))
+    assert "between no two usual units" in found.message
+    assert float(found.message.split("scale by ")[1]) == pytest.approx(1 / factor, rel=0.1)
+    assert "scale" not in found.values
 
 
 @pytest.mark.parametrize(
@@ -120,6 +136,25 @@ def test_vertices_far_off_are_named(n):
 
     found = the_fault(changed(bending(), n, throw))
     assert (found.kind, found.shapes, found.vertices) == ("far", (n,), (17, 90))
+
+
+def test_vertices_lost_at_one_place_on_the_surface_are_far_off():
+    def lose(p):
+        q = p.copy()
+        q[[5, 130, 160]] = p[60] + 0.01
+        return q
+
+    found = the_fault(changed(bending(), 4, lose))
+    assert (found.kind, found.shapes) == ("far", (4,))
+    assert {5, 130, 160} == set(found.vertices)
+
+
+@pytest.mark.parametrize("n", [0, 3])
+@pytest.mark.parametrize("shift", [1, -1])
+@pytest.mark.parametrize("make", [bending, lambda: grid_shapes(20)])
+def test_an_order_shifted_by_one_is_told_from_vertices_far_off(make, shift, n):
+    found = the_fault(changed(make(), n, lambda p: np.roll(p, shift, axis=0)))
+    assert (found.kind, found.shapes) == ("order", (n,))
 
 
 @pytest.mark.parametrize("n", [0, 5])
@@ -160,6 +195,24 @@ def test_a_set_pressed_flat_is_a_fault_and_a_flat_sheet_is_none():
     assert not faults(MeshSequence(shapes, faces))
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_flat_shape_among_few_is_no_fault_where_another_has_a_wrong_order(seed):
+    """Of six shapes one in a wrong order changes the usual lengths of edges."""
+    rng = np.random.default_rng(seed)
+    vertices, faces = sheet()
+    bumps = np.exp(-((vertices[:, :1] - 4) ** 2 + (vertices[:, 1:2] - 3) ** 2) / 3)
+    shapes = vertices + 0.5 * np.arange(6)[:, None, None] * bumps * [0, 0, 1]
+    found = faults(changed(MeshSequence(shapes, faces), 5, rng.permutation))
+    assert {finding.shapes for finding in found} == {(5,)}
+
+
+def test_a_shape_pressed_to_a_line_is_not_also_in_another_order():
+    model = load_model("flag")
+    shapes = MeshSequence(model.decode(model.codes[:12]), model.reference.faces)
+    found = faults(changed(shapes, 7, lambda p: p * [1, 0, 0]))
+    assert {finding.kind for finding in found} - {"degenerate"} == {"flat"}
+
+
 def test_shapes_on_a_line_are_unusable():
     shapes = bending()
     report = examine(MeshSequence(shapes.vertices * [0, 1, 0], shapes.faces))
@@ -169,6 +222,12 @@ def test_shapes_on_a_line_are_unusable():
 
 def test_wings_that_beat_are_no_turn():
     assert not faults(load_shapes(CASES / "bird.npz"))
+
+
+def test_a_sheet_that_bends_far_is_no_turn():
+    """Training with alignment brings the error of this one from 7.0 to 10.0."""
+    kinds = {finding.kind for finding in faults(load_shapes(CASES / "everything_broken.npz"))}
+    assert kinds == {"non-manifold", "orientation", "degenerate"}
 
 
 def test_shapes_that_turn_as_a_whole_are_advised_to_align():

@@ -452,14 +452,14 @@ def _load_shapes(path: Path) -> MeshSequence:
 
 
 def _refuse_unusable(path: Path, shapes: MeshSequence) -> None:
-    """Print the warnings of `examine`; raise InputError if it finds an error."""
+    """Print warnings, and that shapes are few; raise InputError if `examine` finds an error."""
     from deformer import InputError, examine
     from deformer_app.cli.check import file_names
 
     report = examine(shapes, file_names(path))
     errors = [finding.message for finding in report.findings if finding.severity == "error"]
     for finding in report.findings:
-        if finding.severity == "warning":
+        if finding.severity == "warning" or (finding.kind == "few" and report.usable):
             console.warn(finding.message)
     if not report.usable:
         reason = errors[0] if errors else "unusable"

@@ -13,6 +13,8 @@ import pytest
 import deformer
 from bars import bending_bar
 from command import DEFORMER
+from deformer_app import console
+from deformer_app.cli.main import app
 from waiting import HANG
 
 
@@ -46,6 +48,20 @@ def test_foreign_files_are_refused_before_work_starts(
     monkeypatch.setattr(deformer, "load_shapes", no_work)
     assert Path(foreign).parts[0] in refuse(*train(shapes_path, tmp_path / "m"))
     assert path.read_text() == "keep me"
+
+
+@pytest.mark.parametrize("count", [6, 20])
+def test_the_start_says_in_one_line_where_shapes_are_few(count, tmp_path, monkeypatch, capsys):
+    deformer.save_shapes(tmp_path / "bar.npz", bending_bar(count))
+
+    def stopped(*_, **__):
+        raise deformer.InputError("stopped")
+
+    monkeypatch.setattr(deformer, "train", stopped)
+    arguments = train(tmp_path / "bar.npz", tmp_path / "m")
+    assert console.run(app, [str(argument) for argument in arguments]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len([line for line in lines if f"{count} shapes" in line]) == (count < 20)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="its special files")
