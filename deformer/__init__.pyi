@@ -39,6 +39,7 @@ from .geometry import (
     Geodesics as Geodesics,
     Mesh as Mesh,
     MeshSequence as MeshSequence,
+    SurfacePoint as SurfacePoint,
     Symmetry as Symmetry,
     e_rms as e_rms,
     farthest_points as farthest_points,

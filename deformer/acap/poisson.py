@@ -135,17 +135,28 @@ class PoissonSystem:
             p[start : start + _BATCH] = x + (self.centroid - x.mean(axis=1))[:, None]
         return p.reshape(*features.shape[:-2], V, 3)
 
-    def green_rows(self, vertices: ArrayLike) -> FloatArray:
-        """Green's functions (H, V) of vertices (H,): p_h = centroid + G_h · b(T).
+    def green_rows(self, vertices: ArrayLike, weights: ArrayLike | None = None) -> FloatArray:
+        """Green's functions (H, V) of points: p_h = centroid + G_h · b(T).
 
         p is the solution with the centroid at the reference's; G_h solves L G = e_h − 1/V.
+
+        Args:
+            vertices: (H,) the points; or (H, m) vertices whose weighted means they are.
+            weights: (H, m) with sums of 1.
         """
-        index = np.asarray(vertices, dtype=np.int64)
-        b = np.zeros((len(self.reference.vertices), len(index)))
-        b[index, np.arange(len(index))] = 1.0
+        b = self._loads(vertices, weights)
         G = self.back_substitute(b).T - self._constant_solution
         G -= G.mean(axis=1, keepdims=True)
         return np.ascontiguousarray(G)
+
+    def _loads(self, vertices: ArrayLike, weights: ArrayLike | None) -> FloatArray:
+        """Unit loads e_h (V, H) at points, as in `green_rows`."""
+        index = np.asarray(vertices, dtype=np.int64)
+        rows = index.reshape(len(index), -1 if index.size else 1)
+        loads = np.zeros((len(self.reference.vertices), len(rows)))
+        share = 1.0 if weights is None else np.asarray(weights, dtype=np.float64)
+        np.add.at(loads, (rows, np.arange(len(rows))[:, None]), share)
+        return loads
 
     def placed(self, p: FloatArray, like: FloatArray) -> FloatArray:
         """Shapes p (N, V, 3) with every connected component's centroid moved to that in `like`."""
@@ -170,19 +181,19 @@ class PoissonSystem:
         screen = sparse.diags_array(_TENSION * areas / (total or 1.0))
         return SparseCholesky(self.laplacian + screen, v, self.factor.plan)
 
-    def bending_rows(self, vertices: ArrayLike, green: FloatArray) -> FloatArray:
+    def bending_rows(
+        self, vertices: ArrayLike, green: FloatArray, weights: ArrayLike | None = None
+    ) -> FloatArray:
         """Green's functions (H, V) of a thin plate under tension, K = L A⁻¹ L / α + L.
 
         K⁻¹ = L⁻¹ − (L + α A)⁻¹: each term has a spike at its vertex, the difference is smooth.
 
         Args:
-            vertices: (H,) int64.
-            green: (H, V) the vertices' `green_rows`.
+            vertices, weights: as in `green_rows`.
+            green: (H, V) the points' `green_rows`.
         """
-        index = np.asarray(vertices, dtype=np.int64)
-        unit = np.zeros((len(self.reference.vertices), len(index)))
-        unit[index, np.arange(len(index))] = 1.0
-        return np.ascontiguousarray(green - self.screened_factor.solve(unit).T)
+        loads = self._loads(vertices, weights)
+        return np.ascontiguousarray(green - self.screened_factor.solve(loads).T)
 
     def position_coefficients(self, green: FloatArray) -> FloatArray:
         """Coefficients a (H, V+B, 3) with G_h · b(T) = Σ_i T_i a_h,i, of `green` (H, V)."""

@@ -103,10 +103,12 @@ class DecodedSurface:
         self._has_rest_shape = False
         self._reset_rotations()
         self._running: list[Future[None]] = []
-        self._handles: IntArray = np.empty(0, dtype=np.int64)
+        self._handles: list[NDArray] = []
         self._coefficients = np.empty((self._blocks, 0, VECTORS), dtype=np.float32)
-        self._exact: IntArray = np.empty(0, dtype=np.int64)
+        self._exact: list[NDArray] = []
         self._green = np.empty((0, V), dtype=np.float32)
+        self._exact_index: IntArray = np.empty(0, dtype=np.int64)
+        self._exact_weights: FloatArray | None = None
         self._exact_inverse = np.zeros((1, 1))
 
     def copy(self) -> DecodedSurface:
@@ -118,7 +120,7 @@ class DecodedSurface:
         other._T, other._x, other._rest = self._T.copy(), self._x.copy(), self._rest.copy()
         other._reset_rotations()
         other._running = []
-        other._exact, other._green = self._exact[:0], self._green[:0]
+        other._exact, other._green = [], self._green[:0]
         return other
 
     def _store_decoder(self, decoder: Decoder) -> None:
@@ -165,34 +167,43 @@ class DecodedSurface:
         )
         return blocks
 
-    def set_handles_by_block(self, vertices: IntArray, blocked: list[NDArray]) -> None:
+    def set_handles_by_block(self, blocked: list[NDArray]) -> None:
         """Set the handles whose positions `decode` returns.
 
         Args:
-            vertices: (H,) int64.
-            blocked: `block_coefficients` of each.
+            blocked: `block_coefficients` of each; the same array again costs nothing.
         """
-        self._coefficients = _with_room(self._coefficients, 1, len(vertices), len(self._handles))
-        for h in _changed(self._handles, vertices):
+        self._coefficients = _with_room(self._coefficients, 1, len(blocked), len(self._handles))
+        for h in _changed(self._handles, blocked):
             self._coefficients[:, h] = blocked[h]
-        self._handles = vertices
+        self._handles = blocked
 
-    def set_exact(self, vertices: IntArray, rows: list[NDArray], block: FloatArray) -> None:
+    def set_exact(
+        self,
+        vertices: IntArray,
+        rows: list[NDArray],
+        block: FloatArray,
+        weights: FloatArray | None = None,
+    ) -> None:
         """Set the exact handles, which `move_to_targets` moves to targets.
 
         Args:
-            vertices: (H,) int64.
-            rows: how a unit load at each handle moves all vertices: (V,) each, from `ordered`.
+            vertices: (H,) int64; or (H, m) vertices whose weighted means the handles are.
+            rows: how a unit load at each handle moves all vertices: (V,) each, from `ordered`; the
+                same array again costs nothing.
             block: (H, H) entries of the rows at the handles, in double precision: the rows of
                 neighbouring vertices hardly differ.
+            weights: (H, m) with sums of 1.
         """
-        changed = _changed(self._exact, vertices)
-        if not changed and len(vertices) == len(self._exact):
+        changed = _changed(self._exact, rows)
+        if not changed and len(rows) == len(self._exact):
             return
-        self._green = _with_room(self._green, 0, len(vertices), len(self._exact))
+        self._green = _with_room(self._green, 0, len(rows), len(self._exact))
         for h in changed:
             self._green[h] = rows[h]
-        self._exact = vertices
+        self._exact = rows
+        self._exact_index = self._factor.inverse_order[vertices]
+        self._exact_weights = weights
         self._exact_inverse = schur_inverse(block)
 
     def ordered(self, green: FloatArray) -> NDArray:
@@ -300,7 +311,10 @@ class DecodedSurface:
             push, shift = np.zeros((0, 3)), -self._x.mean(axis=0, dtype=np.float64)
         else:
             misfit = np.zeros((H + 1, 3))
-            misfit[:H] = targets / self._unit - self._x[self._factor.inverse_order[self._exact]]
+            at = self._x[self._exact_index]
+            if self._exact_weights is not None:
+                at = np.einsum("hm,hmc->hc", self._exact_weights, at)
+            misfit[:H] = targets / self._unit - at
             solution = self._exact_inverse @ misfit
             push, shift = solution[:H], solution[H]
         change = self._green, push.astype(np.float32), shift.astype(np.float32)
@@ -352,9 +366,9 @@ class DecodedSurface:
         return sum(a.nbytes for a in arrays) + self._factor.bytes_per_solve + out
 
 
-def _changed(before: IntArray, now: IntArray) -> list[int]:
+def _changed(before: list[NDArray], now: list[NDArray]) -> list[int]:
     """Indices h at which now[h] is not before[h], or beyond the end of `before`."""
-    return [h for h, v in enumerate(now.tolist()) if h >= len(before) or before[h] != v]
+    return [h for h, row in enumerate(now) if h >= len(before) or before[h] is not row]
 
 
 def _with_room(array: NDArray, axis: int, count: int, used: int) -> NDArray:

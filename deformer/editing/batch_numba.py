@@ -72,7 +72,7 @@ class NumbaFrames:
         """Prepare the handle positions by landmarks."""
         self._basis = basis
         self._handles = basis.landmark_positions()
-        self._count = len(basis.vertices)
+        self._count = len(basis.points)
 
     def by_landmarks(self, z: FloatArray) -> FloatArray:
         """Handle positions (m, H, 3) of codes z (m, K) by the landmarks alone."""
@@ -119,24 +119,23 @@ class NumbaFrames:
         out: FloatArray,
     ) -> None:
         """Write the shape of each code, rigidly moved, exact handles at their targets."""
-        vertices, basis = self._basis.vertices, self._basis
+        basis = self._basis
 
         def rebuild(part: range) -> None:
             surface = basis.surface.copy()
-            surface.set_handles_by_block(np.empty(0, dtype=np.int64), [])
+            surface.set_handles_by_block([])
+            handles = None
             for m in part:
-                # Targets before the rigid motion.
-                local = (targets[m, exact[m]] - origin[m]) @ Q[m]
-                basis.set_exact(vertices[exact[m]], surface)
+                if handles is None or (exact[m] != exact[m - 1]).any():
+                    handles = basis.set_exact(
+                        [basis.points[h] for h in np.flatnonzero(exact[m])], surface
+                    )
+                frame = Q[m], origin[m], targets[m, exact[m]]
                 surface.reset()
                 surface.decode(z[m])
-                surface.solve()
-                surface.move_to_targets(local)
-                for n in range(rounds if exact[m].any() else 0):
+                out[m] = handles.solve(surface, *frame)
+                for n in range(rounds if len(handles) else 0):
                     surface.relax(ROTATION_STEPS if n else FIRST_ROTATION_STEPS)
-                    surface.solve()
-                    surface.move_to_targets(local)
-                out[m] = surface.positions(Q[m], origin[m])
-                out[m, vertices[exact[m]]] = targets[m, exact[m]]
+                    out[m] = handles.solve(surface, *frame)
 
         over_parts(rebuild, len(z))

@@ -7,6 +7,8 @@ more frames, the less the visits cost a frame.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -14,6 +16,7 @@ from torch import Tensor
 from deformer.acap import STRETCH_COLUMNS, STRETCH_ROWS
 from deformer.editing.arap import schur_inverse
 from deformer.editing.batch_numba import FIRST_ROTATION_STEPS, ROTATION_STEPS, Boolean
+from deformer.editing.exact_handles import ExactHandles
 from deformer.editing.green_functions import HandleBasis
 from deformer.editing.kernels import DAMPING, LARGEST_STEP, OVER_RELAXATION
 from deformer.errors import InputError
@@ -46,7 +49,7 @@ class TorchFrames:
         self._all = _Decoder(model.decoder, self._device)
         self._landmarks = _Decoder(basis.landmark_decoder, self._device)
         self._landmark_coefficients = self._tensor(basis.landmark_coefficients)
-        coefficients = model.poisson.position_coefficients(basis.green_rows(basis.vertices))
+        coefficients = basis.coefficients()
         self._coefficients = self._tensor(
             coefficients.reshape(len(coefficients), 3 * coefficients.shape[1])
         )
@@ -118,27 +121,26 @@ class TorchFrames:
         # Frames with the same exact handles are computed together.
         for pattern in np.unique(exact, axis=0) if len(exact) else []:
             frames = np.flatnonzero((exact == pattern).all(axis=1))
-            vertices = self._basis.vertices[pattern]
-            green = self._basis.bending_rows(vertices)
-            inverse = self._tensor(schur_inverse(green[:, vertices]))
-            index = torch.as_tensor(vertices, device=self._device)
-            rows = self._tensor(green)
+            handles = self._basis.exact_handles(
+                [self._basis.points[h] for h in np.flatnonzero(pattern)]
+            )
+            moved = _Mover(handles, self._unit, self._tensor)
             for part in self._batches(len(frames), V):
                 f = frames[part]
                 # Targets before the rigid motion, in bounding diagonals.
                 local = (targets[f][:, pattern] - origin[f][:, None]) @ Q[f] / self._unit
-                constraints = index, rows, inverse, self._tensor(local)
                 rest = self._rest_shapes(gradients(self._all(self._tensor(z[f]))))
-                p = _moved_to_targets(rest, *constraints)
+                p = moved(rest, local)
                 edges = self._halves * (rest[:, self._from] - rest[:, self._to])
                 R = torch.eye(3, device=p.device).expand(*p.shape[:2], 3, 3)
                 for n in range(rounds if pattern.any() else 0):
                     steps = ROTATION_STEPS if n else FIRST_ROTATION_STEPS
                     R = self._fitted_rotations(R, edges, p, steps)
-                    p = _moved_to_targets(self._solved(R, edges), *constraints)
-                moved = p @ self._tensor(self._unit * Q[f]).transpose(1, 2)
-                out[f] = _numpy(moved) + origin[f][:, None]
-                out[np.ix_(f, vertices)] = targets[f][:, pattern]
+                    p = moved(self._solved(R, edges), local)
+                turned = p @ self._tensor(self._unit * Q[f]).transpose(1, 2)
+                out[f] = _numpy(turned) + origin[f][:, None]
+                for frame in f:
+                    handles.correct(out[frame], targets[frame, pattern])
 
     def _rest_shapes(self, T: Tensor) -> Tensor:
         """Positions (m, V, 3) of gradients (m, V+B, 3, 3) of vertices and links."""
@@ -239,15 +241,34 @@ def rhs(T: Tensor, start: Tensor, end: Tensor, edges: Tensor) -> Tensor:
     return b.index_add_(1, start, sums)
 
 
-def _moved_to_targets(
-    p: Tensor, index: Tensor, green: Tensor, inverse: Tensor, targets: Tensor
-) -> Tensor:
-    """Positions (m, V, 3) after `DecodedSurface.move_to_targets` to targets (m, H, 3)."""
-    if len(index) == 0:
-        return p - p.mean(dim=1, keepdim=True)
-    misfit = torch.nn.functional.pad(targets - p[:, index], (0, 0, 0, 1))
-    change = inverse @ misfit
-    return p + green.T @ change[:, :-1] + change[:, -1:]
+class _Mover:
+    """Moves positions to exact handles: `DecodedSurface.move_to_targets` for many frames.
+
+    Args:
+        handles: the exact handles.
+        unit: the bounding diagonal, in which positions and targets are.
+        tensor: makes a tensor of an array.
+    """
+
+    def __init__(
+        self, handles: ExactHandles, unit: float, tensor: Callable[[FloatArray], Tensor]
+    ) -> None:
+        self._points, self._unit, self._tensor = handles.points, unit, tensor
+        self._weights, self._rows = tensor(handles.points.weights), tensor(handles.rows)
+        self._inverse = tensor(schur_inverse(handles.block))
+
+    def __call__(self, p: Tensor, targets: FloatArray) -> Tensor:
+        """Positions (m, V, 3) with the handles at targets (m, H, 3), but for turned normals."""
+        points = self._points
+        if len(points.index) == 0:
+            return p - p.mean(dim=1, keepdim=True)
+        if len(points.ring):
+            ring = self._unit * _numpy(p[:, points.ring])
+            targets = points.feet(ring, self._unit * targets) / self._unit
+        at = (self._weights[:, :, None] * p[:, points.index]).sum(dim=2)
+        misfit = torch.nn.functional.pad(self._tensor(targets) - at, (0, 0, 0, 1))
+        change = self._inverse @ misfit
+        return p + self._rows.T @ change[:, :-1] + change[:, -1:]
 
 
 def _numpy(x: Tensor) -> FloatArray:

@@ -1,10 +1,11 @@
-"""Green's functions of handle vertices, and the coefficients of handle positions.
+"""Green's functions of handles, and the coefficients of handle positions.
 
-They are computed once a model or once a handle vertex; none depends on targets.
+They are computed once a model or once a handle; none depends on targets.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +13,11 @@ from numpy.typing import NDArray
 
 from deformer.editing.arap import DecodedSurface
 from deformer.editing.cubature import Grouping, choose_landmarks
+from deformer.editing.exact_handles import ExactHandles
 from deformer.editing.handle_kernels import BlockDecoder, BlockHandlePositions
 from deformer.editing.handle_positions import DenseHandlePositions, HandlePositions
-from deformer.geometry import FloatArray, IntArray
+from deformer.editing.handles import Point
+from deformer.geometry import FloatArray, SurfacePoints
 from deformer.model import DeformationModel
 
 # Number of cubature's landmarks, whose gradients replace those of all vertices in a search.
@@ -22,8 +25,8 @@ _LANDMARKS = 800
 
 
 @dataclass(frozen=True, eq=False)
-class _VertexRows:
-    """Arrays of one handle vertex.
+class _PointRows:
+    """Arrays of one handle, a vertex or a point of the surface.
 
     Args:
         green: (V,) Green's function G_h = L⁺ e_h.
@@ -37,14 +40,14 @@ class _VertexRows:
 
 
 class HandleBasis:
-    """Handle vertices of a model, and their positions as functions of the latent code.
+    """Handles of a model, and their positions as functions of the latent code.
 
     Args:
         model: the prior.
 
     Attributes:
         surface: decodes codes to all vertices; it has the handles and exact handles set here.
-        vertices: (H,) int64 handle vertices.
+        points: the H handles: vertices, or points of the surface.
         landmark_decoder: the decoder of the S landmarks.
         landmark_coefficients: (H, S, 3) coefficients of the handle positions by landmarks.
     """
@@ -68,69 +71,94 @@ class HandleBasis:
         self.landmark_decoder = model.decoder_at(landmarks)
         pointwise = self.landmark_decoder.pointwise
         self._landmark_blocks = BlockDecoder(self.landmark_decoder) if pointwise else None
-        self._rows: dict[int, _VertexRows] = {}
-        # Bending rows of vertices that are or were exact, in the user's order and in the surface's.
-        self._bending_rows: dict[int, tuple[FloatArray, NDArray]] = {}
-        self.vertices: IntArray = np.empty(0, dtype=np.int64)
+        self._rows: dict[Point, _PointRows] = {}
+        # Bending rows of handles that are or were exact, in the user's order and in the surface's.
+        self._bending_rows: dict[Point, tuple[FloatArray, NDArray]] = {}
+        self.points: list[Point] = []
         self._exact_positions: DenseHandlePositions | None = None
         self._landmark_positions: HandlePositions | None = None
         self.landmark_coefficients = np.empty((0, len(landmarks), 3))
 
-    def set_vertices(self, vertices: list[int]) -> None:
-        """Replace the handles; the rows of vertices that stay are reused.
+    def set_points(self, points: Sequence[Point]) -> None:
+        """Replace the handles; the rows of handles that stay are reused.
 
-        A vertex that also keeps its index costs nothing.
+        A handle that also keeps its index costs nothing.
 
         Args:
-            vertices: (H,) vertex indices, all different.
+            points: H handles, all different.
         """
         poisson = self.model.poisson
-        new = [v for v in vertices if v not in self._rows]
-        for vertex, row in zip(new, poisson.green_rows(new), strict=True):
-            coefficients = poisson.position_coefficients(row[None])
-            self._rows[vertex] = _VertexRows(
+        new = [point for point in points if point not in self._rows]
+        where = self._surface_points(new)
+        for point, row in zip(new, poisson.green_rows(where.index, where.weights), strict=True):
+            coefficients = self._coefficients([point], row[None])
+            self._rows[point] = _PointRows(
                 row,
                 self._grouping.sums(coefficients)[0],
                 self.surface.block_coefficients(coefficients[0]),
             )
-        for gone in set(self._rows) - set(vertices):
+        for gone in set(self._rows) - set(points):
             del self._rows[gone]
             self._bending_rows.pop(gone, None)
-        self.vertices = np.array(vertices, dtype=np.int64)
+        self.points = list(points)
         self._exact_positions = self._landmark_positions = None
-        rows = [self._rows[v] for v in vertices]
+        rows = [self._rows[point] for point in points]
         by_landmark = np.array([entry.landmark_coefficients for entry in rows])
         self.landmark_coefficients = by_landmark.reshape(len(rows), self._grouping.count, 3)
-        self.surface.set_handles_by_block(
-            self.vertices, [entry.block_coefficients for entry in rows]
-        )
+        self.surface.set_handles_by_block([entry.block_coefficients for entry in rows])
 
-    def green_rows(self, vertices: IntArray) -> FloatArray:
-        """Green's functions (n, V) of handle vertices (n,)."""
-        rows = [self._rows[v].green for v in vertices.tolist()]
+    def _surface_points(self, points: Sequence[Point]) -> SurfacePoints:
+        return SurfacePoints(points, self.model.reference.faces)
+
+    def _coefficients(self, points: Sequence[Point], green: FloatArray) -> FloatArray:
+        """Coefficients (H, V+B, 3) of points with Green's functions `green` (H, V).
+
+        A deformation gradient maps the reference's normal to the shape's: an offset along the
+        normal is linear in the gradients, too.
+        """
+        coefficients = self.model.poisson.position_coefficients(green)
+        where = self._surface_points(points)
+        if where.offsets.any():
+            lifts = where.lifts(self.model.reference.vertices)
+            np.add.at(coefficients, (np.arange(len(green))[:, None], where.index), lifts)
+        return coefficients
+
+    def coefficients(self) -> FloatArray:
+        """Coefficients a (H, V+B, 3) of the handles' positions Σ_i T_i a_h,i."""
+        return self._coefficients(self.points, self._green_rows(self.points))
+
+    def _green_rows(self, points: Sequence[Point]) -> FloatArray:
+        """Green's functions (n, V) of handles."""
+        rows = [self._rows[point].green for point in points]
         return np.array(rows).reshape(len(rows), len(self.model.reference.vertices))
 
-    def set_exact(self, vertices: IntArray, surface: DecodedSurface | None = None) -> None:
+    def set_exact(
+        self, points: Sequence[Point], surface: DecodedSurface | None = None
+    ) -> ExactHandles:
         """Choose the exact handles of a surface.
 
         Args:
-            vertices: (n,) int64, all of them handle vertices.
+            points: n of the handles.
             surface: `surface` or a copy of it; None is `surface`.
         """
-        block = self.bending_rows(vertices)[:, vertices]
-        rows = [self._bending_rows[v][1] for v in vertices.tolist()]
-        (surface or self.surface).set_exact(vertices, rows, block)
+        exact = self.exact_handles(points)
+        where, rows = exact.points, [self._bending_rows[point][1] for point in points]
+        index, weights = where.index, None if where.is_vertex.all() else where.weights
+        index = index[:, 0] if weights is None else index
+        (surface or self.surface).set_exact(index, rows, exact.block, weights)
+        return exact
 
-    def bending_rows(self, vertices: IntArray) -> FloatArray:
-        """`PoissonSystem.bending_rows` (n, V), by which exact handles (n,) move all vertices."""
-        new = np.array(
-            [v for v in vertices.tolist() if v not in self._bending_rows], dtype=np.int64
-        )
-        rows = self.model.poisson.bending_rows(new, self.green_rows(new))
-        for vertex, row in zip(new.tolist(), rows, strict=True):
-            self._bending_rows[vertex] = row, self.surface.ordered(row)
-        found = [self._bending_rows[v][0] for v in vertices.tolist()]
-        return np.array(found).reshape(len(found), len(self.model.reference.vertices))
+    def exact_handles(self, points: Sequence[Point]) -> ExactHandles:
+        """Handles (n,) as exact ones, with the rows by which they move all vertices."""
+        new = [point for point in points if point not in self._bending_rows]
+        where = self._surface_points(new)
+        rows = self.model.poisson.bending_rows(where.index, self._green_rows(new), where.weights)
+        for point, row in zip(new, rows, strict=True):
+            self._bending_rows[point] = row, self.surface.ordered(row)
+        found = [self._bending_rows[point][0] for point in points]
+        rows = np.array(found).reshape(len(found), len(self.model.reference.vertices))
+        diagonal = self.model.reference.bounding_diagonal
+        return ExactHandles(self._surface_points(points), rows, diagonal)
 
     def landmark_positions(self) -> HandlePositions:
         """Handle positions by landmarks: fast, with the error of cubature."""
@@ -148,8 +176,7 @@ class HandleBasis:
     def exact_positions(self) -> DenseHandlePositions:
         """Handle positions by all vertices."""
         if self._exact_positions is None:
-            coefficients = self.model.poisson.position_coefficients(self.green_rows(self.vertices))
             self._exact_positions = DenseHandlePositions(
-                self.model.decoder, coefficients, fast=True
+                self.model.decoder, self.coefficients(), fast=True
             )
         return self._exact_positions

@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deformer.checks import LARGEST, as_array, checked_array, checked_indices, shortened
+from deformer.checks import (
+    LARGEST,
+    as_array,
+    checked_array,
+    checked_choice,
+    checked_indices,
+    shortened,
+)
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, IntArray
+from deformer.geometry import FloatArray, SurfacePoint, plain_point
 from deformer.model import DeformationModel
+
+# "soft" handles are close to their targets, "exact" ones and pins are on them; drags leave pins.
+Kind = Literal["soft", "exact", "pin"]
+KINDS: tuple[Kind, ...] = ("soft", "exact", "pin")
+# A handle's place on the mesh: a vertex, or a point of the surface.
+Point = int | SurfacePoint
 
 # Targets farther away, in bounding diagonals, would overflow in single precision.
 FARTHEST = 1e10
@@ -18,19 +33,24 @@ FARTHEST = 1e10
 
 @dataclass(frozen=True)
 class Handle:
-    """A vertex that the user controls.
+    """A vertex, or a point of the surface, that the user controls.
 
     Args:
-        vertex: index of the vertex.
+        vertex: index of the vertex, or the point.
         target: (3,) its target position, in the data's units.
         weight: factor on its squared distance from the target.
-        hard: true if the vertex is at the target exactly.
+        kind: "soft" for near the target, "exact" for on it, "pin" for on it, and never dragged.
     """
 
-    vertex: int
+    vertex: Point
     target: tuple[float, float, float]
     weight: float = 1.0
-    hard: bool = False
+    kind: Kind = "soft"
+
+    @property
+    def hard(self) -> bool:
+        """True if the vertex is at the target exactly."""
+        return self.kind != "soft"
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,46 +104,73 @@ def check_target(
         )
 
 
-def check_handles(
-    model: DeformationModel,
-    vertices: ArrayLike,
-    targets: ArrayLike,
-    weights: ArrayLike | None,
-    hard: ArrayLike,
-) -> tuple[IntArray, FloatArray, FloatArray, NDArray[np.bool_]]:
-    """Check handles and return them as arrays.
+def check_points(model: DeformationModel, vertices: ArrayLike | Sequence[Point]) -> list[Point]:
+    """Check the places of handles.
 
     Args:
         model: the model whose vertices they are.
-        vertices: (H,) vertex indices.
+        vertices: (H,) vertex indices, `SurfacePoint`s, or both.
+
+    Returns:
+        Vertices as integers; also points that are one.
+
+    Raises:
+        InputError: an index out of range.
+    """
+    V = len(model.reference.vertices)
+    given = list(vertices) if isinstance(vertices, list | tuple) else vertices
+    if isinstance(given, SurfacePoint):
+        raise InputError("vertices: expected a list of points, got one; put it into a list")
+    if not isinstance(given, list) or not any(isinstance(p, SurfacePoint) for p in given):
+        index = as_array(given, "vertices")
+        index = index.reshape(0) if index.size == 0 else index
+        return checked_indices(index, "vertices", V).tolist()
+    points: list[Point] = []
+    for h, point in enumerate(given):
+        name = f"vertices[{h}]"
+        if isinstance(point, SurfacePoint):
+            checked_indices(point.vertices, name, V)
+            points.append(plain_point(point))
+        else:
+            points += checked_indices([point], name, V).tolist()
+    return points
+
+
+def check_handles(
+    model: DeformationModel,
+    vertices: ArrayLike | Sequence[Point],
+    targets: ArrayLike,
+    weights: ArrayLike | None,
+    hard: ArrayLike,
+    kinds: Kind | Sequence[Kind] | None = None,
+) -> tuple[list[Point], FloatArray, FloatArray, list[Kind]]:
+    """Check handles and return them as lists and arrays.
+
+    Args:
+        model: the model whose vertices they are.
+        vertices: (H,) as in `check_points`.
         targets: (H, 3) positions.
         weights: (H,) positive factors, or None for ones.
         hard: one for all, or (H,): true for exact handles.
+        kinds: one for all, or (H,), in place of `hard`.
 
     Returns:
-        Vertices (H,) integers, targets (H, 3) float64, weights (H,) float64, hard (H,) bool.
+        Points H, targets (H, 3) float64, weights (H,) float64, kinds H.
 
     Raises:
         InputError: an index out of range, a target that `check_target` refuses, a weight that is
-            not positive, or lengths that differ.
+            not positive, a kind that is none, kinds and `hard` at once, or lengths that differ.
     """
-    index, goals = as_array(vertices, "vertices"), checked_array(targets, "targets", finite=False)
-    if index.size == 0:
-        index, goals = index.reshape(0), goals.reshape(-1, 3)
-    index = checked_indices(index, "vertices", len(model.reference.vertices))
-    H = len(index)
+    points, goals = check_points(model, vertices), checked_array(targets, "targets", finite=False)
+    H = len(points)
+    if not H:
+        goals = goals.reshape(-1, 3)
     if goals.shape != (H, 3):
         raise InputError(f"targets: expected ({H}, 3), one a handle, got {goals.shape}")
     factors = np.ones(H) if weights is None else checked_array(weights, "weights", finite=False)
-    exact = as_array(hard, "hard")
-    if exact.dtype != bool and exact.size:
-        raise InputError(f"hard: expected true or false, got {shortened(hard)}; give one or (H,)")
-    exact = exact.astype(bool)
-    if exact.ndim == 0:
-        exact = np.broadcast_to(exact, (H,))
-    for name, array in (("weights", factors), ("hard", exact)):
-        if array.shape != (H,):
-            raise InputError(f"{name}: expected ({H},), one a handle, got {array.shape}")
+    if factors.shape != (H,):
+        raise InputError(f"weights: expected ({H},), one a handle, got {factors.shape}")
+    chosen = check_kinds(hard, kinds, (H,))
     centroid, diagonal = model.poisson.centroid, model.reference.bounding_diagonal
     for h in range(H):
         check_target(goals[h], centroid, diagonal, f"handle {h}: target")
@@ -131,4 +178,35 @@ def check_handles(
             raise InputError(
                 f"handle {h}: weight {factors[h]} is not a positive number up to {LARGEST:g}"
             )
-    return index, goals, factors, exact
+    return points, goals, factors, chosen.tolist()
+
+
+def check_kinds(
+    hard: ArrayLike, kinds: Kind | Sequence[Kind] | None, shape: tuple[int, ...]
+) -> NDArray:
+    """Kinds of handles, of a shape (..., H).
+
+    Args:
+        hard: true for "exact", false for "soft": one for all, (H,), or of the shape.
+        kinds: one for all, or (H,), in place of `hard`.
+        shape: of the result.
+
+    Raises:
+        InputError: other values, other shapes, or both given.
+    """
+    H = shape[-1]
+    exact = as_array(hard, "hard")
+    if exact.dtype != bool and exact.size:
+        raise InputError(f"hard: expected true or false, got {shortened(hard)}; give one or (H,)")
+    if kinds is None:
+        name, chosen = "hard", np.where(exact.astype(bool), "exact", "soft")
+    elif exact.any():
+        raise InputError("kinds: expected them or hard=True, got both; leave one out")
+    else:
+        each = [kinds] if isinstance(kinds, str) else list(kinds)
+        for kind in each:
+            checked_choice(kind, "kinds", KINDS)
+        name, chosen = "kinds", np.array(each[0] if isinstance(kinds, str) else each)
+    if chosen.shape not in ((), (H,), shape):
+        raise InputError(f"{name}: expected ({H},), one a handle, got {chosen.shape}")
+    return np.broadcast_to(chosen, shape)

@@ -361,7 +361,7 @@ class CodeSearch:
 
     def _starts(self, energy: HandleEnergy, positions: HandlePositions) -> list[FloatArray]:
         """The prior's mean and the training codes that fit the handles best, rigidly moved."""
-        if len(self._basis.vertices) == 0:
+        if len(self._basis.points) == 0:
             return [np.zeros(energy.size)]
         scored = []
         for y in np.vstack([np.zeros((1, energy.components)), self._candidates]):

@@ -7,7 +7,7 @@ in which no handle is seen follows its neighbours: the prior has hardly any weig
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,12 +24,12 @@ from deformer.checks import (
 )
 from deformer.editing.batch_numba import Boolean, Frames, NumbaFrames
 from deformer.editing.green_functions import HandleBasis
-from deformer.editing.handles import check_handles
+from deformer.editing.handles import Kind, Point, check_handles, check_kinds, check_points
 from deformer.editing.sequence_energy import SequenceEnergy
 from deformer.editing.solver import HandleSolver
 from deformer.editing.unknowns import Unknowns
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, IntArray, log_to_rotation
+from deformer.geometry import FloatArray, SurfacePoints, log_to_rotation
 from deformer.linalg import one_blas_thread, resolve_device
 from deformer.model import DeformationModel
 
@@ -65,11 +65,12 @@ class SequenceFit:
 
 def fit_sequence(
     model: DeformationModel,
-    vertices: ArrayLike,
+    vertices: ArrayLike | Sequence[Point],
     targets: ArrayLike,
     *,
     weights: ArrayLike | None = None,
     hard: ArrayLike = False,
+    kinds: Kind | Sequence[Kind] | None = None,
     smoothness: float = 10.0,
     rigid: bool = True,
     noise: float = 0.007,
@@ -85,12 +86,14 @@ def fit_sequence(
 
     Args:
         model: the prior.
-        vertices: (H,) handle vertices, all different.
+        vertices: (H,) handle vertices, `SurfacePoint`s, or both, all different.
         targets: (F, H, 3) positions in each frame, in the data's units.
         weights: (F, H) or (H,) factors on the squared distances from the targets. In a frame in
             which a handle has the weight 0 it is not seen, and its target is ignored. None is ones.
-        hard: one for all, or (H,): true for handles that are at their targets exactly wherever
-            their weight is not 0.
+        hard: one for all, (H,) or (F, H): true for handles that are at their targets exactly
+            wherever their weight is not 0.
+        kinds: one for all, or (H,), in place of `hard`: "soft", "exact" or "pin", as in
+            `HandleSolver.set_handles`.
         smoothness: weight of squared accelerations, 0 or more; 0 fits every frame on its own. For
             motion that is slow for its frame rate, 100 and more are suitable.
         rigid: as in `HandleSolver`.
@@ -106,7 +109,7 @@ def fit_sequence(
             target that is not finite, a negative weight or smoothness, a device that is unknown or
             missing, or a backend that cannot use it.
     """
-    index, goals, factors, exact = _checked(model, vertices, targets, weights, hard)
+    points, goals, factors, exact = _checked(model, vertices, targets, weights, hard, kinds)
     checked_number(smoothness, "smoothness", least=0, most=LARGEST)
     checked_integer(relaxation, "relaxation", least=0)
     if backend is not None:
@@ -115,9 +118,9 @@ def fit_sequence(
         resolve_device(device)
     # In a motion the body may go anywhere: the rigid motion has the diffuse prior alone.
     solver = HandleSolver(model, rigid=rigid, noise=noise, freedom=1.0)
-    solver.warn_of_units(index, np.where(factors[..., None] > 0, goals, np.nan))
+    solver.warn_of_units(points, np.where(factors[..., None] > 0, goals, np.nan))
     basis = solver.basis
-    basis.set_vertices(index.tolist())
+    basis.set_points(points)
     batch = _backend(basis, device, backend)
     energy = solver.energy
     sequence = SequenceEnergy(energy, batch, goals, factors, smoothness)
@@ -129,8 +132,8 @@ def fit_sequence(
     with one_blas_thread():
         for start in range(0, F, _WINDOW):
             stop, seen = min(start + _WINDOW, F), min(start + _WINDOW + _AHEAD, F)
-            guess = X[start - 1] if start else _first_guess(solver, index, goals, factors)
-            basis.set_vertices(index.tolist())
+            guess = X[start - 1] if start else _first_guess(solver, points, goals, factors)
+            basis.set_points(points)
             before = X[max(0, start - 2) : start]
             window, more = sequence.solve(slice(start, seen), guess, before)
             X[start:stop] = window[: stop - start]
@@ -141,7 +144,8 @@ def fit_sequence(
             batch.shapes(z, Q, centroids, goals[part], exact[part], relaxation, out[part])
             if on_progress is not None:
                 on_progress(stop, F)
-    residual = np.linalg.norm(out[:, index] - goals, axis=2)
+    places = SurfacePoints(points, model.reference.faces).at(out)
+    residual = np.linalg.norm(places - goals, axis=2)
     residual[factors == 0] = np.nan
     found = Unknowns(X)
     return SequenceFit(
@@ -157,7 +161,7 @@ def fit_sequence(
 
 def _first_guess(
     solver: HandleSolver,
-    index: IntArray,
+    points: list[Point],
     goals: FloatArray,
     factors: FloatArray,
 ) -> FloatArray:
@@ -169,7 +173,9 @@ def _first_guess(
     counts = (factors[:_WINDOW] > 0).sum(axis=1)
     frame = int((2 * counts >= counts.max()).argmax())
     seen = factors[frame] > 0
-    solver.set_handles(index[seen], goals[frame, seen], factors[frame, seen])
+    solver.set_handles(
+        [points[h] for h in np.flatnonzero(seen)], goals[frame, seen], factors[frame, seen]
+    )
     pose = solver.solve()
     energy = solver.energy
     return energy.unknowns(pose.z, pose.rotation, pose.translation / energy.diagonal)
@@ -193,15 +199,17 @@ def _backend(basis: HandleBasis, device: str, backend: str | None) -> Frames:
 
 def _checked(
     model: DeformationModel,
-    vertices: ArrayLike,
+    vertices: ArrayLike | Sequence[Point],
     targets: ArrayLike,
     weights: ArrayLike | None,
     hard: ArrayLike,
-) -> tuple[IntArray, FloatArray, FloatArray, Boolean]:
-    """Vertices (H,), targets (F, H, 3), weights (F, H), and true where a handle is exact (F, H)."""
+    kinds: Kind | Sequence[Kind] | None,
+) -> tuple[list[Point], FloatArray, FloatArray, Boolean]:
+    """Points H, targets (F, H, 3), weights (F, H), and true where a handle is exact (F, H)."""
     checked_instance(model, "model", DeformationModel, remedy="load it with load_model")
     goals = checked_array(targets, "targets", finite=False)
-    count = np.size(vertices)
+    index = check_points(model, vertices)
+    count = len(index)
     if goals.ndim != 3 or goals.shape[1:] != (count, 3) or len(goals) == 0:
         raise InputError(f"targets: expected (F, {count}, 3), one frame or more, got {goals.shape}")
     F, H, _ = goals.shape
@@ -221,8 +229,8 @@ def _checked(
             "give a marker that is not seen the weight 0"
         )
     goals = np.where(unseen[:, :, None], 0.0, goals)
-    index, _, _, hard_handles = check_handles(model, vertices, goals[0], None, hard)
-    if len(np.unique(index)) < H:
-        repeated = np.flatnonzero(np.bincount(index) > 1)[0]
+    check_handles(model, index, goals[0], None, False)
+    if len(set(index)) < H:
+        repeated = next(point for point in index if index.count(point) > 1)
         raise InputError(f"vertex {repeated} is given twice; a sequence wants different vertices")
-    return index, goals, factors, ~unseen & hard_handles
+    return index, goals, factors, ~unseen & (check_kinds(hard, kinds, (F, H)) != "soft")

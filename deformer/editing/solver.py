@@ -22,12 +22,20 @@ from deformer.checks import (
 from deformer.compilation import compile_kernels
 from deformer.editing.energy import HandleEnergy
 from deformer.editing.green_functions import HandleBasis
-from deformer.editing.handles import Handle, Pose, check_handles, check_target
+from deformer.editing.handles import (
+    Handle,
+    Kind,
+    Point,
+    Pose,
+    check_handles,
+    check_points,
+    check_target,
+)
 from deformer.editing.search import CodeSearch, State
 from deformer.editing.units import unit_warning
 from deformer.editing.unknowns import Unknowns
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, IntArray
+from deformer.geometry import FloatArray, SurfacePoint, SurfacePoints
 from deformer.linalg import CORES, one_blas_thread
 from deformer.model import DeformationModel
 
@@ -100,9 +108,12 @@ class HandleSolver:
         self._surface = self.basis.surface
         energy = HandleEnergy.of_model(model, noise, rigid)
         self._search = CodeSearch(energy, self.basis, model.codes)
-        self._exact: IntArray = np.empty(0, dtype=np.int64)
+        self._exact = self.basis.exact_handles([])
+        self._exact_points: list[Point] = []
         self._warning: str | None = None
         self.set_prior(noise=noise, freedom=freedom)
+        self._handles: list[Handle] = []
+        self._places = SurfacePoints([], model.reference.faces)
         self._assign([])
 
     @property
@@ -122,10 +133,11 @@ class HandleSolver:
 
     def set_handles(
         self,
-        vertices: ArrayLike,
+        vertices: ArrayLike | Sequence[Point],
         targets: ArrayLike,
         weights: ArrayLike | None = None,
         hard: bool | Sequence[bool] = False,
+        kinds: Kind | Sequence[Kind] | None = None,
     ) -> None:
         """Replace all handles.
 
@@ -133,26 +145,30 @@ class HandleSolver:
         (`unit_warning`).
 
         Args:
-            vertices: (H,) vertex indices; H may be 0. The target of a vertex given twice is the
-                weighted mean of its targets.
+            vertices: (H,) vertex indices, `SurfacePoint`s, or both; H may be 0. The target of one
+                given twice is the weighted mean of its targets.
             targets: (H, 3) positions, in the data's units.
             weights: (H,) positive factors on the squared distances from the targets; None is ones.
             hard: one for all, or (H,): true for handles that are at their targets exactly.
+            kinds: one for all, or (H,), in place of `hard`: "soft"; "exact"; or "pin", an exact
+                handle that `drag` refuses to move.
 
         Raises:
             InputError: an index out of range, a target that is not finite, a weight that is not
-                positive, or lengths that differ.
+                positive, a kind that is none, or lengths that differ.
         """
-        index, goals, factors, exact = check_handles(self.model, vertices, targets, weights, hard)
-        self.warn_of_units(index, goals)
+        points, goals, factors, chosen = check_handles(
+            self.model, vertices, targets, weights, hard, kinds
+        )
+        self.warn_of_units(points, goals)
         self._assign(
             [
-                Handle(int(v), (float(t[0]), float(t[1]), float(t[2])), float(w), bool(e))
-                for v, t, w, e in zip(index, goals, factors, exact, strict=True)
+                Handle(point, (float(t[0]), float(t[1]), float(t[2])), float(w), kind)
+                for point, t, w, kind in zip(points, goals, factors, chosen, strict=True)
             ]
         )
 
-    def warn_of_units(self, vertices: IntArray, targets: FloatArray) -> None:
+    def warn_of_units(self, vertices: Sequence[Point], targets: FloatArray) -> None:
         """Log the `unit_warning` of targets, unless the targets before had the same."""
         warning = unit_warning(self.model, vertices, targets)
         if warning is not None and warning != self._warning:
@@ -281,17 +297,20 @@ class HandleSolver:
             iterations=steps + pose.iterations,
         )
 
-    def drag(self, vertex: int, position: ArrayLike) -> Pose:
+    def drag(self, vertex: Point, position: ArrayLike) -> Pose:
         """Move the target of one handle and solve from the last solution.
 
         Args:
-            vertex: index of the handle's vertex.
+            vertex: index of the handle's vertex, or its `SurfacePoint`.
             position: (3,) new target, in the data's units.
 
         Raises:
-            InputError: `vertex` has no handle, or the position is not 3 finite numbers in reach.
+            InputError: `vertex` has no handle, or one that is a pin, or the position is not 3
+                finite numbers in reach.
         """
-        vertex = checked_integer(vertex, "vertex")
+        if not isinstance(vertex, SurfacePoint):
+            vertex = checked_integer(vertex, "vertex")
+        (vertex,) = check_points(self.model, [vertex])
         position = checked_array(position, "position", (3,))
         indices = [h for h, handle in enumerate(self._handles) if handle.vertex == vertex]
         if not indices:
@@ -299,40 +318,46 @@ class HandleSolver:
                 f"vertex {vertex} has no handle; handles are at "
                 f"{[handle.vertex for handle in self._handles]}"
             )
+        if any(self._handles[h].kind == "pin" for h in indices):
+            raise InputError(
+                f"vertex {vertex} is a pin, which drags leave where it is; set_handles moves it, "
+                'or makes it "exact"'
+            )
         check_target(position, self.energy.centroid, self.energy.diagonal)
         target = (float(position[0]), float(position[1]), float(position[2]))
         moved = self.handles
         for h in indices:
-            moved[h] = Handle(vertex, target, moved[h].weight, moved[h].hard)
+            moved[h] = replace(moved[h], target=target)
         self._assign(moved)
         return self.solve(warm=True)
 
     def _assign(self, handles: list[Handle]) -> None:
-        """Replace the handles; a vertex with several has the weighted mean of their targets."""
+        """Replace the handles; a point with several has the weighted mean of their targets."""
+        if [handle.vertex for handle in handles] != [handle.vertex for handle in self._handles]:
+            faces = self.model.reference.faces
+            self._places = SurfacePoints([handle.vertex for handle in handles], faces)
         self._handles = handles
         wanted = list(dict.fromkeys(handle.vertex for handle in handles))
-        current = self.basis.vertices.tolist()
-        if set(wanted) != set(current):
-            self.basis.set_vertices(_keeping_indices(current, wanted))
+        if set(wanted) != set(self.basis.points):
+            self.basis.set_points(_keeping_indices(self.basis.points, wanted))
             self._search.vertices_changed()
-        vertices = self.basis.vertices.tolist()
-        index = {v: n for n, v in enumerate(vertices)}
-        weights = np.zeros(len(vertices))
-        targets = np.zeros((len(vertices), 3))
-        hard = np.zeros(len(vertices), dtype=bool)
+        points = self.basis.points
+        index = {point: n for n, point in enumerate(points)}
+        weights = np.zeros(len(points))
+        targets = np.zeros((len(points), 3))
+        hard = np.zeros(len(points), dtype=bool)
         for handle in handles:
             n = index[handle.vertex]
             weights[n] += handle.weight
             targets[n] += handle.weight * np.array(handle.target)
             hard[n] |= handle.hard
-        if vertices:
+        if points:
             targets /= weights[:, None]
         self._search.set_targets(targets, weights)
         self._exact_targets = targets[hard]
-        exact = self.basis.vertices[hard]
-        if exact.tolist() != self._exact.tolist():
-            self._exact = exact
-            self.basis.set_exact(exact)
+        exact = [points[n] for n in np.flatnonzero(hard)]
+        if exact != self._exact_points:
+            self._exact_points, self._exact = exact, self.basis.set_exact(exact)
             if len(exact) == 0:
                 self._surface.reset()
 
@@ -355,26 +380,20 @@ class HandleSolver:
 
     def _solved_vertices(self, state: State) -> FloatArray:
         """Positions (V, 3) of a state by the present rotations, exact handles at their targets."""
-        energy, surface = self.energy, self._surface
         self._search.decode(state)
-        surface.solve()
-        # Targets before the rigid motion.
-        surface.move_to_targets(energy.move_back(state.x, self._exact_targets))
-        vertices = surface.positions(*energy.rigid_motion(state.x))
-        # Removes rounding errors, so that exact handles are exact.
-        vertices[self._exact] = self._exact_targets
-        return vertices
+        motion = self.energy.rigid_motion(state.x)
+        return self._exact.solve(self._surface, *motion, self._exact_targets)
 
     def _pose(self, state: State, steps: int, vertices: FloatArray) -> Pose:
         energy, x = self.energy, Unknowns(state.x)
         targets = np.array([handle.target for handle in self._handles]).reshape(-1, 3)
-        index = np.array([handle.vertex for handle in self._handles], dtype=np.int64)
+        places = self._places.at(vertices)
         return Pose(
             vertices=vertices,
             z=energy.code(state.x),
             rotation=x.rotation.copy(),
             translation=energy.diagonal * x.translation,
-            residual=np.linalg.norm(vertices[index] - targets, axis=1),
+            residual=np.linalg.norm(places - targets, axis=1),
             iterations=steps,
             milliseconds=0.0,
             prior_distance=float(np.linalg.norm(x.code)),
@@ -389,8 +408,8 @@ def _check_parameters(noise: float | None, freedom: float | None) -> None:
             checked_number(value, name, above=0, most=LARGEST)
 
 
-def _keeping_indices(current: list[int], wanted: list[int]) -> list[int]:
-    """The wanted vertices, as many of them as possible at the index that they have in `current`."""
+def _keeping_indices(current: list[Point], wanted: list[Point]) -> list[Point]:
+    """The wanted points, as many of them as possible at the index that they have in `current`."""
     kept = [v if v in set(wanted) else None for v in current[: len(wanted)]]
     kept += [None] * (len(wanted) - len(kept))
     new = iter([v for v in wanted if v not in set(kept)])

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deformer.geometry import FloatArray, procrustes
+from deformer.editing.handles import Point, check_points
+from deformer.geometry import FloatArray, SurfacePoints, procrustes
 from deformer.model import DeformationModel
 
 # How many times larger numbers are in the first unit than in the second.
@@ -39,7 +41,9 @@ _MANY, _NEAR, _EXTREME = 8, 1.5, 100.0
 _COMPARED, _FRAMES = 16, 25
 
 
-def unit_warning(model: DeformationModel, vertices: ArrayLike, targets: ArrayLike) -> str | None:
+def unit_warning(
+    model: DeformationModel, vertices: ArrayLike | Sequence[Point], targets: ArrayLike
+) -> str | None:
     """A warning if the targets are most likely in other units than the model; else None.
 
     The targets must be close to a scaled copy of the model's points, and remain so without any one
@@ -47,12 +51,13 @@ def unit_warning(model: DeformationModel, vertices: ArrayLike, targets: ArrayLik
 
     Args:
         model: the model whose vertices they are.
-        vertices: (H,) vertex indices.
+        vertices: (H,) vertex indices, `SurfacePoint`s, or both.
         targets: (H, 3) positions, or (F, H, 3) in F frames, NaN where a handle is not seen. More
             than half of the frames must agree.
     """
-    points = model.reference.vertices[np.asarray(vertices, dtype=np.int64)]
-    diagonal = model.reference.bounding_diagonal
+    reference = model.reference
+    chosen = SurfacePoints(check_points(model, vertices), reference.faces)
+    points, diagonal = chosen.at(reference.vertices), reference.bounding_diagonal
     if not len(points):
         return None
     frames = np.asarray(targets, dtype=np.float64).reshape(-1, *points.shape)

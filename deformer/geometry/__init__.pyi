@@ -47,6 +47,11 @@ from .sampling import (
 from .strain import (
     FaceStrain as FaceStrain,
 )
+from .surface_points import (
+    SurfacePoint as SurfacePoint,
+    SurfacePoints as SurfacePoints,
+    plain_point as plain_point,
+)
 from .symmetry import (
     Symmetry as Symmetry,
     find_symmetry as find_symmetry,

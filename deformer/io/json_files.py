@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from deformer.checks import LARGEST, shortened
 from deformer.errors import InputError
+from deformer.geometry import IntArray, SurfacePoint, plain_point
 from deformer.io.atomic import PathLike, atomic_path
 from deformer.io.json_values import JsonValue, read_value
 
@@ -81,19 +82,24 @@ def load_split(path: PathLike, count: int) -> dict[str, list[int]]:
     return {part: data[part].value for part in ("train", "test")}
 
 
+HandleKind = Literal["soft", "exact", "pin"]
+
+
 @dataclass(frozen=True)
 class HandleTarget:
-    """Target position of one vertex.
+    """Target position of one handle.
 
     Args:
-        vertex: vertex index, from 0.
+        vertex: vertex index, from 0, or a point of the surface.
         position: x, y, z in the units of the mesh.
         weight: positive weight of the distance in the fit.
+        kind: "soft" for near the position, "exact" or "pin" for on it.
     """
 
-    vertex: int
+    vertex: int | SurfacePoint
     position: tuple[float, float, float]
     weight: float = 1.0
+    kind: HandleKind = "soft"
 
 
 @dataclass(frozen=True)
@@ -109,14 +115,17 @@ class HandleFile:
     is_sequence: bool
 
 
-def load_handles(path: PathLike, vertex_count: int) -> HandleFile:
+def load_handles(path: PathLike, vertex_count: int, faces: IntArray | None = None) -> HandleFile:
     """Load handle targets for one pose or for a sequence.
 
     Args:
-        path: JSON `{"handles": [{"vertex": 17, "position": [x, y, z], "weight": 1.0}, …]}`, weight
-            optional, or `{"frames": [[…handles…], …]}`. A handle whose position is null, or three
-            nulls, is not seen, and left out; a frame may be empty.
+        path: JSON `{"handles": [{"vertex": 17, "position": [x, y, z]}, …]}`, or `{"frames":
+            [[…handles…], …]}`. In place of "vertex" a handle may have "face" and "barycentric": a
+            point of that face. It may also have "offset" (distance from the surface along the
+            normal), "weight" and "kind" ("soft", "exact" or "pin"). A handle whose position is
+            null, or three nulls, is not seen, and left out; a frame may be empty.
         vertex_count: number of vertices of the mesh.
+        faces: (F, 3) its faces; None refuses points of faces.
 
     Raises:
         InputError: a key or value is missing or wrong, or no handle is seen at all; the message
@@ -132,7 +141,8 @@ def load_handles(path: PathLike, vertex_count: int) -> HandleFile:
     frames = data["frames"].items() if is_sequence else [data["handles"]]
     if not frames:
         raise data["frames"].error("a list of frames")
-    found = tuple(_frame(handles, vertex_count) for handles in frames)
+    rows = np.empty((0, 3), dtype=np.int64) if faces is None else faces
+    found = tuple(_frame(handles, vertex_count, rows) for handles in frames)
     if not any(found):
         where = data["frames" if is_sequence else "handles"]
         raise InputError(
@@ -141,21 +151,39 @@ def load_handles(path: PathLike, vertex_count: int) -> HandleFile:
     return HandleFile(found, is_sequence)
 
 
-def _frame(handles: JsonValue, vertex_count: int) -> tuple[HandleTarget, ...]:
+def _frame(handles: JsonValue, vertex_count: int, faces: IntArray) -> tuple[HandleTarget, ...]:
     """The handles of a frame that are seen."""
     seen: list[HandleTarget] = []
-    vertices: list[int] = []
-    for entry in handles.items():
-        entry.check_keys(("vertex", "position"), ("weight",))
-        vertex = entry["vertex"].integer(0, vertex_count - 1)
+    points: dict[int | SurfacePoint, int] = {}
+    for n, entry in enumerate(handles.items()):
+        place = ("face", "barycentric") if "face" in entry else ("vertex",)
+        entry.check_keys((*place, "position"), ("offset", "weight", "kind"))
+        point = plain_point(_point(entry, vertex_count, faces))
         weight = entry["weight"].number(above=0, most=LARGEST) if "weight" in entry else 1.0
-        if vertex in vertices:
+        kind = entry["kind"].choice(get_args(HandleKind)) if "kind" in entry else "soft"
+        if point in points:
+            what = f"vertex {point}" if isinstance(point, int) else "that point"
             raise InputError(
-                f"{entry}: vertex {vertex} already has handle {vertices.index(vertex)}, expected "
-                "each vertex once; remove one"
+                f"{entry}: {what} already has handle {points[point]}, expected each once; remove "
+                "one"
             )
-        vertices.append(vertex)
+        points[point] = n
         if entry["position"].value not in (None, [None, None, None]):
             x, y, z = entry["position"].numbers(3)
-            seen.append(HandleTarget(vertex, (x, y, z), weight))
+            seen.append(HandleTarget(point, (x, y, z), weight, kind))
     return tuple(seen)
+
+
+def _point(entry: JsonValue, vertex_count: int, faces: IntArray) -> SurfacePoint:
+    """The place of a handle on the mesh."""
+    offset = entry["offset"].number(least=-LARGEST, most=LARGEST) if "offset" in entry else 0.0
+    if "face" not in entry:
+        return SurfacePoint((entry["vertex"].integer(0, vertex_count - 1),), offset=offset)
+    if not len(faces):
+        raise entry["face"].error("a vertex, for the mesh has no faces", "give a vertex")
+    face = entry["face"].integer(0, len(faces) - 1)
+    barycentric = entry["barycentric"].numbers(3)
+    try:
+        return SurfacePoint.on_face(faces, face, barycentric, offset)
+    except InputError as error:
+        raise InputError(f"{entry}: {error}") from None

@@ -99,7 +99,7 @@ def test_decoded_gradients_and_positions(name):
     surface = DecodedSurface(Given(q), system)
     vertices = np.array([1, V // 2, V - 1])
     coefficients = system.position_coefficients(system.green_rows(vertices))
-    surface.set_handles_by_block(vertices, [surface.block_coefficients(a) for a in coefficients])
+    surface.set_handles_by_block([surface.block_coefficients(a) for a in coefficients])
     T = features_to_gradients(q)
     found = surface.decode(np.zeros(2))
     np.testing.assert_allclose(surface.gradients, T[:V], atol=2e-5 * np.abs(T).max())

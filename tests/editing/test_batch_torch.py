@@ -21,7 +21,7 @@ class Case:
         self.model, self.handles = model, np.array(handles)
         self.unit = model.reference.bounding_diagonal
         self.basis = HandleBasis(model)
-        self.basis.set_vertices(self.handles.tolist())
+        self.basis.set_points(self.handles.tolist())
         rng = np.random.default_rng(0)
         K = model.components
         white = rng.normal(size=(count, K))

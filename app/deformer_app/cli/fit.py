@@ -45,7 +45,7 @@ def pose(
         [handle.vertex for handle in frame],
         [handle.position for handle in frame],
         weights=[handle.weight for handle in frame],
-        hard=hard,
+        kinds="exact" if hard else [handle.kind for handle in frame],
     )
     found = solver.solve()
     return found.vertices, describe(found)
@@ -64,8 +64,8 @@ def describe(found: deformer.Pose) -> dict[str, Any]:
 
 def unit_warning(model: DeformationModel, handles: io.HandleFile) -> str | None:
     """A warning if the targets are most likely in other units than the model; else None."""
-    vertices, targets, weights = _tracks(handles)
-    return deformer.unit_warning(model, vertices, np.where(weights[..., None] > 0, targets, np.nan))
+    points, targets, weights, _ = _tracks(handles)
+    return deformer.unit_warning(model, points, np.where(weights[..., None] > 0, targets, np.nan))
 
 
 def sequence(
@@ -79,14 +79,14 @@ def sequence(
     progress: Callable[[int, int], None],
 ) -> tuple[NDArray, dict[str, Any]]:
     """Vertices (F, V, 3) fitted to the handles of F frames, and the fit's record with `frames`."""
-    vertices, targets, weights = _tracks(handles)
+    points, targets, weights, exact = _tracks(handles)
     begun = time.perf_counter()
     found = deformer.fit_sequence(
         model,
-        vertices,
+        points,
         targets,
         weights=weights,
-        hard=hard,
+        hard=exact | hard,
         smoothness=smoothness,
         device=device,
         backend=backend,
@@ -115,20 +115,23 @@ def save(path: Path, faces: NDArray, vertices: NDArray) -> None:
         io.save_mesh(path, deformer.Mesh(vertices, faces))
 
 
-def _tracks(handles: io.HandleFile) -> tuple[NDArray, NDArray, NDArray]:
-    """Vertices (H,) with a handle in any frame, their targets (F, H, 3) and weights (F, H).
+def _tracks(
+    handles: io.HandleFile,
+) -> tuple[list[int | deformer.SurfacePoint], NDArray, NDArray, NDArray]:
+    """Points H with a handle in any frame, targets (F, H, 3), weights (F, H), exact ones (F, H).
 
-    The weight is 0 where a frame has no handle at a vertex.
+    The weight is 0 where a frame has no handle at a point.
     """
-    vertices = np.unique([handle.vertex for frame in handles.frames for handle in frame])
-    column = {int(vertex): h for h, vertex in enumerate(vertices)}
-    targets = np.zeros((len(handles.frames), len(vertices), 3))
-    weights = np.zeros(targets.shape[:2])
+    points = list(dict.fromkeys(handle.vertex for frame in handles.frames for handle in frame))
+    column = {point: h for h, point in enumerate(points)}
+    targets = np.zeros((len(handles.frames), len(points), 3))
+    weights, exact = np.zeros(targets.shape[:2]), np.zeros(targets.shape[:2], dtype=bool)
     for f, frame in enumerate(handles.frames):
         for handle in frame:
             h = column[handle.vertex]
             targets[f, h], weights[f, h] = handle.position, handle.weight
-    return vertices, targets, weights
+            exact[f, h] = handle.kind != "soft"
+    return points, targets, weights, exact
 
 
 def _residuals(distances: NDArray) -> dict[str, float | None]:

@@ -264,8 +264,9 @@ def fit(
         Path | None,
         typer.Argument(
             metavar="HANDLES",
-            help='JSON {"handles": \\[{"vertex": 17, "position": \\[x, y, z], "weight": 1}, …]}, '
-            'or {"frames": \\[\\[…handles…], …]} for a sequence.',
+            help='JSON {"handles": \\[{"vertex": 17, "position": \\[x, y, z]}, …]}, or {"frames": '
+            '\\[\\[…handles…], …]} for a sequence. Optional: "weight"; "kind", "soft", "exact" or '
+            '"pin"; "face" with "barycentric" in place of "vertex"; "offset" along the normal.',
             show_default=False,
         ),
     ] = None,
@@ -292,7 +293,7 @@ def fit(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Pose a model by handles: where a few of its vertices should be.
+    """Pose a model by handles: where a few points of its surface should be.
 
     A sequence is fitted as a whole, without jitter; its frames may have different handles.
     """
@@ -309,7 +310,8 @@ def fit(
             "fit: expected MODEL and HANDLES, or --session FILE; see deformer fit --help"
         )
     loaded = deformer.load_model(model)
-    file = io.load_handles(handles, len(loaded.reference.vertices))
+    reference = loaded.reference
+    file = io.load_handles(handles, len(reference.vertices), reference.faces)
     fitting.check_output(output, file.is_sequence)
     if file.is_sequence:
         with io.locked(output), console.progress("fitting") as report:

@@ -111,15 +111,17 @@ class Edit:
         gone = set(ids)
         return replace(self, handles=tuple(h for h in self.handles if h.id not in gone))
 
-    def arrays(self) -> tuple[list[int], list[Point], list[float], list[bool]]:
-        """Return what HandleSolver.set_handles needs: vertices, targets, weights, hardness."""
+    def arrays(self) -> tuple[list[int], list[Point], list[float], list[Kind]]:
+        """Return what HandleSolver.set_handles needs: vertices, targets, weights, kinds."""
         rows = [
-            (vertex, target, handle.weight if handle.kind == "soft" else 1.0, handle.kind != "soft")
+            (vertex, target, handle.weight if handle.kind == "soft" else 1.0, handle.kind)
             for handle in self.handles
             for vertex, target in zip(handle.vertices, handle.targets, strict=True)
         ]
-        vertices, targets, weights, hard = map(list, zip(*rows, strict=True)) if rows else ([],) * 4
-        return vertices, targets, weights, hard
+        vertices, targets, weights, kinds = (
+            map(list, zip(*rows, strict=True)) if rows else ([],) * 4
+        )
+        return vertices, targets, weights, kinds
 
 
 def point(values: Any) -> Point:

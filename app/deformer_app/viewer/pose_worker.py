@@ -141,8 +141,8 @@ class PoseWorker:
         if last is None or (last.noise, last.freedom) != (edit.noise, edit.freedom):
             self._solver.set_prior(noise=edit.noise, freedom=edit.freedom)
         if last is None or last.handles != edit.handles:
-            vertices, targets, weights, hard = edit.arrays()
-            self._solver.set_handles(vertices, targets, weights, hard)
+            vertices, targets, weights, kinds = edit.arrays()
+            self._solver.set_handles(vertices, targets, weights, kinds=kinds)
         self._edit = edit
 
     def _answer(self, request: Request, pose: Pose, final: bool) -> Answer:

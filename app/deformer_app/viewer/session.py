@@ -163,13 +163,15 @@ class Session:
 
         `z` is None where the pose has not been solved for.
         """
-        vertices, targets, weights, _ = self.edit.arrays()
-        rows = zip(vertices, targets, weights, strict=True)
+        rows = zip(*self.edit.arrays(), strict=True)
         return {
             "model": self.model.path,
             "steps": self.cursor,
             "saved": not self.changed,
-            "handles": [{"vertex": v, "position": list(t), "weight": w} for v, t, w in rows],
+            "handles": [
+                {"vertex": v, "position": list(t), "weight": w, "kind": kind}
+                for v, t, w, kind in rows
+            ],
             "z": None if self.entry.solution is None else list(self.entry.solution.z),
         }
 

@@ -499,7 +499,7 @@ def test_handles_leave_for_the_command_line_and_come_out_the_same(editor, tmp_pa
     export_handles(editor, tmp_path / "h.json")
     (row,) = io.load_handles(tmp_path / "h.json", 120).frames[0]
     handle = editor.edit.handles[0]
-    assert (row.vertex, row.position, row.weight) == (handle.vertices[0], handle.targets[0], 2.5)
+    assert row == io.HandleTarget(handle.vertices[0], handle.targets[0], 2.5, handle.kind)
     editor.clear()
     with pytest.raises(InputError, match="no handles"):
         export_handles(editor, tmp_path / "h.json")

@@ -156,11 +156,11 @@ def test_few_handles_leave_the_body_where_it_is():
 def test_arrays_for_the_solver():
     region = Handle(3, (1, 2), ((0.1, 0, 0), (0, 1e-9, 0)), weight=2.0, patch=(1, 2, 5))
     edit = Edit(BASE).with_handles([handle(1, kind="pin", weight=5.0), region])
-    vertices, targets, weights, hard = edit.arrays()
+    vertices, targets, weights, kinds = edit.arrays()
     assert vertices == [7, 1, 2]
     assert targets == [(1.0, 2.0, 1 / 3), (0.1, 0, 0), (0, 1e-9, 0)]
     assert weights == [1.0, 2.0, 2.0]
-    assert hard == [True, False, False]
+    assert kinds == ["pin", "soft", "soft"]
     assert Edit(BASE).arrays() == ([], [], [], [])
 
 
