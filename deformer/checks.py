@@ -7,6 +7,8 @@ made for a message alone. `remedy` is what to do.
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import math
 import os
 import reprlib
@@ -181,7 +183,21 @@ def checked_path(value: Any, name: object) -> Path:
     """A path, as text or as a path."""
     if not isinstance(value, str | os.PathLike):
         raise _unexpected(name, "the path of a file or directory", value, "give a text or a Path")
+    check_path_length(Path(value), name)
     return Path(value)
+
+
+def check_path_length(path: Path, name: object) -> None:
+    """Raise InputError if `path`, or a name in it, is longer than the system allows."""
+    try:
+        path.lstat()
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            raise InputError(
+                f"{name}: {shortened(str(path))} is longer than the system allows; shorten it"
+            ) from error
+    except ValueError:
+        pass  # a null character: reading or writing it names it
 
 
 def checked_instance(value: Any, name: object, kind: type[T], *, remedy: str) -> T:
@@ -249,7 +265,7 @@ def checked_indices(
 
 
 def check_memory(size: float, what: str) -> None:
-    """Raise InputError if `what` would take more than half of this machine's memory.
+    """Raise InputError if `what` would take more than half of the memory.
 
     Args:
         size: estimate of the memory, in bytes.
@@ -259,16 +275,19 @@ def check_memory(size: float, what: str) -> None:
     if size > memory:
         raise InputError(
             f"{what}: would take {size / 1e9:.3g} GB of memory, expected at most the "
-            f"{memory / 1e9:.3g} GB that are half of this machine's; ask for less"
+            f"{memory / 1e9:.3g} GB that are half of what this process may use; ask for less"
         )
 
 
 def _memory() -> float:
-    """Bytes of memory of this machine."""
-    try:
-        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    except (AttributeError, ValueError, OSError):
-        return _ASSUMED_MEMORY
+    """Bytes of memory that this process may use: of the machine, or of its cgroup."""
+    limits = []
+    with contextlib.suppress(AttributeError, ValueError, OSError):
+        limits.append(float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")))
+    # There is no such file, or the limit is the word "max".
+    with contextlib.suppress(OSError, ValueError):
+        limits.append(float(int(Path("/sys/fs/cgroup/memory.max").read_text())))
+    return min(limits, default=_ASSUMED_MEMORY)
 
 
 def as_array(values: Any, name: object) -> NDArray:

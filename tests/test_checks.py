@@ -1,6 +1,7 @@
 """Checks return what was asked for, and name everything else in one short line."""
 
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -121,6 +122,16 @@ def test_indices_are_whole_numbers_within_the_count():
 def test_memory_that_no_machine_has_is_refused():
     check_memory(1e6, "a: 3 shapes")
     assert "a: 3 shapes" in refusal(check_memory, 1e18, "a: 3 shapes")
+
+
+def test_memory_of_a_cgroup_bounds_results(monkeypatch):
+    """The smaller of two limits holds; the word "max" is none."""
+    text = "1000000000\n"
+    monkeypatch.setattr(Path, "read_text", lambda path: text)
+    check_memory(4.9e8, "a")
+    assert "0.5 GB" in refusal(check_memory, 5.1e8, "a")
+    text = "max\n"
+    check_memory(5.1e8, "a")
 
 
 VALUES = st.recursive(

@@ -10,6 +10,9 @@ from shapes import sequence, small_model
 # What a person may give in place of numbers.
 JUNK = ["abc", None, {}, object(), 1j, [1, "a"], [[1], [1, 2]], np.array([None, 1]), "1"]
 WHOLE = [1.5, "2", None, True, np.nan, 10**400, [1]]
+# A name that no file system takes.
+LONG = "x" * 300
+MESH = deformer.Mesh(np.eye(3), [[0, 1, 2]])
 POSITIVE = ["x", np.nan, np.inf, 0, -1, True, [1.0], 10**400, 1e300]
 
 
@@ -173,8 +176,33 @@ def cases():
         ),
         *each("examine", deformer.examine, ["x", None, shapes], "shapes"),
         *each("load", deformer.load_model, [None, 3, ["x"]], "path"),
-        *each("load mesh", deformer.load_mesh, [None, 3, ["x"], "a\0b.ply"]),
+        *each("load mesh", deformer.load_mesh, [None, 3, ["x"], "a\0b.ply", LONG + ".ply"]),
         *each("load shapes", deformer.load_shapes, [None, 3, ["x"]], "path"),
+        *each("load long", deformer.load_model, [LONG], "xxx"),
+        *each("load long shapes", deformer.load_shapes, [LONG, LONG + ".npz"], "xxx"),
+        *each("save long", lambda v: model().save(v), [LONG], "xxx"),
+        *each("save mesh", lambda v: deformer.save_mesh(v, MESH), [None, 3], "path"),
+        *each("save long mesh", lambda v: deformer.save_mesh(v, MESH), [LONG + ".obj"], "xxx"),
+        *each("saved mesh", lambda v: deformer.save_mesh("a.obj", v), [None, shapes, "m"], "mesh"),
+        *each("save shapes", lambda v: deformer.save_shapes(v, sequence(3)), [None, 3], "path"),
+        *each(
+            "save long shapes",
+            lambda v: deformer.save_shapes(v, sequence(3)),
+            [LONG, LONG + ".npz"],
+            "xxx",
+        ),
+        *each("saved shapes", lambda v: deformer.save_shapes("a", v), [None, shapes], "shapes"),
+        *each(
+            "format",
+            lambda v: deformer.save_shapes("a", sequence(3), v),
+            [None, 3, "fbx", "\ud800"],
+            "format",
+        ),
+        *each("geodesics", deformer.Geodesics, [None, shapes, "m"], "mesh"),
+        *each("rows", lambda v: deformer.Geodesics(MESH, v), [*WHOLE, 0], "cache_rows"),
+        *each("strain", deformer.FaceStrain, [None, shapes, "m"], "reference"),
+        *each("poisson", deformer.PoissonSystem, [None, shapes, "m"], "reference"),
+        *each("symmetry", deformer.find_symmetry, [None, shapes, "m"], "mesh"),
     ]
 
 

@@ -51,6 +51,7 @@ class PoissonSystem:
 
     def __init__(self, reference: Mesh) -> None:
         """Assemble the Laplacian of the reference and factor it."""
+        checked_instance(reference, "reference", Mesh, remedy="make one of vertices and faces")
         v = reference.vertices
         V = len(v)
         self.reference = reference

@@ -15,7 +15,7 @@ import potpourri3d
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from deformer.checks import checked_integer
+from deformer.checks import checked_instance, checked_integer
 from deformer.errors import InputError
 from deformer.geometry.mesh import FloatArray, Mesh, connected_components, edges
 
@@ -32,6 +32,8 @@ class Geodesics:
 
     def __init__(self, mesh: Mesh, cache_rows: int = 256) -> None:
         """Factor the heat and Poisson systems."""
+        checked_instance(mesh, "mesh", Mesh, remedy="make one of vertices and faces")
+        checked_integer(cache_rows, "cache_rows", least=1)
         self.mesh = mesh
         V = len(mesh.vertices)
         self._count, self._labels = connected_components(mesh.faces, V)

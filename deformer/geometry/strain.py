@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deformer.checks import checked_array
+from deformer.checks import checked_array, checked_instance
 from deformer.errors import InputError
 from deformer.geometry.mesh import FloatArray, Mesh
 
@@ -19,6 +19,7 @@ class FaceStrain:
 
     def __init__(self, reference: Mesh) -> None:
         """Invert each face's edges in a frame of its own plane."""
+        checked_instance(reference, "reference", Mesh, remedy="make one of vertices and faces")
         self._faces, self._shape = reference.faces, reference.vertices.shape
         a, b = self._edges(reference.vertices)
         length = np.linalg.norm(a, axis=1)

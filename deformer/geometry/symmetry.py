@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 
-from deformer.checks import checked_array
+from deformer.checks import checked_array, checked_instance
 from deformer.errors import InputError
 from deformer.geometry.mesh import FloatArray, IntArray, Mesh
 
@@ -52,6 +52,7 @@ def find_symmetry(mesh: Mesh) -> Symmetry:
     Args:
         mesh: V vertices, in any pose.
     """
+    checked_instance(mesh, "mesh", Mesh, remedy="make one of vertices and faces")
     v = mesh.vertices
     centre = v.mean(axis=0)
     axes = np.linalg.eigh(np.cov((v - centre).T))[1].T

@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from deformer.checks import check_path_length, checked_path
 from deformer.errors import InputError
 
 PathLike = str | os.PathLike[str]
@@ -73,6 +74,7 @@ def _temporary_name(target: Path) -> Path:
     """A free name in the directory of `target`; hidden, so that no loader reads it as data."""
     check_parent(target)
     name = f".{target.stem}-{_system()}-{os.getpid()}-{secrets.token_hex(4)}{target.suffix}"
+    check_path_length(target.parent / name, "path, as that of a temporary file")
     return target.parent / name
 
 
@@ -122,9 +124,10 @@ def _is_abandoned(path: Path, system: str, process: int) -> bool:
 
 def check_output_file(target: Path) -> None:
     """Raise the InputError that `atomic_path` would raise, before there is anything to write."""
+    checked_path(target, "path")
     if target.is_dir():
         raise InputError(f"{target}: is a directory, expected a file name; choose another name")
-    check_parent(target)
+    _temporary_name(target)
 
 
 @contextmanager
@@ -222,7 +225,7 @@ def _exchange(one: Path, other: Path) -> bool:
 
 def _checked(path: PathLike, replaceable: Callable[[Path], bool]) -> Path:
     """The directory `path` without links, trailing separator or dots, if it may be replaced."""
-    target = Path(path)
+    target = checked_path(path, "path")
     if target.exists() and not target.is_dir():
         raise InputError(f"{target}: is a file, expected a directory name; choose another name")
     if os.path.ismount(target):

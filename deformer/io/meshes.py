@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from deformer.checks import checked_path
+from deformer.checks import checked_instance, checked_path, checked_text
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, Mesh, MeshSequence
 from deformer.io.atomic import (
@@ -145,7 +145,8 @@ def save_mesh(path: PathLike, mesh: Mesh) -> None:
     Raises:
         InputError: an unknown suffix, or a directory that is missing or not writable.
     """
-    target = Path(path)
+    target = checked_path(path, "path")
+    checked_instance(mesh, "mesh", Mesh, remedy="make one of vertices and faces")
     writer = _WRITERS.get(target.suffix.lower())
     if writer is None:
         raise _unknown_suffix(target)
@@ -166,8 +167,10 @@ def save_shapes(path: PathLike, shapes: MeshSequence, format: str = "ply") -> No
         InputError: an unknown format, a directory with other contents, or a parent that is
             missing or not writable.
     """
-    check_shapes_output(path)
-    target = Path(path)
+    target = checked_path(path, "path")
+    checked_instance(shapes, "shapes", MeshSequence, remedy="make one of vertices and faces")
+    checked_text(format, "format")
+    check_shapes_output(target)
     if target.suffix.lower() == ".npz":
         write_npz(target, {"vertices": shapes.vertices, "faces": shapes.faces})
         return

@@ -109,7 +109,7 @@ def _examine_variety(shapes: MeshSequence, facts: dict[str, Any], label: Labels)
                 "few",
                 f"{len(shapes)} shapes: errors of poses like none of them fall as shapes are "
                 f"added, up to a few dozen; add others that differ, at best to {_FEW} or more "
-                "(the number of components matters little)",
+                "(fewer components gain little)",
             )
         )
     if not duplicates:

@@ -167,6 +167,10 @@ class Stages:
         self.check(name)
         return read_tensors(where)
 
+    def place(self, name: str) -> str:
+        """What messages call a stage: its file, where there is one."""
+        return name if self._folder is None else str(_stage(self._folder, name))
+
     def check(self, name: str) -> None:
         """Raise the InputError of `load`, without reading the arrays."""
         if self._folder is None or not (where := _stage(self._folder, name)).is_file():

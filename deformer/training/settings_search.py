@@ -82,7 +82,8 @@ class SettingsSearch:
             if key in trials:
                 found = trials[key]
                 lengths = (0,), (len(HANDLE_NOISES),)
-                checked_array(found, f"trials: {key}", *lengths, remedy="delete the checkpoint")
+                where = f"{self._stages.place('trials')}: {key}"
+                checked_array(found, where, *lengths, remedy="delete the checkpoint")
                 self._done += self._total // len(self._sparsities)
             else:
                 trials[key] = self._errors(sparsity)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from deformer import io
+from deformer import InputError, io
 from deformer.io import atomic
 
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="renameat2")
@@ -130,3 +130,14 @@ def test_a_reader_beside_a_writer_always_finds_a_whole_model(tmp_path):
     assert saver.returncode == 0
     assert found == {"one", "other"}
     assert names(tmp_path) == ["model", "model-stop", "one", "other"]
+
+
+def test_a_name_too_long_for_its_temporary_file_is_one_line_before_anything_is_written(tmp_path):
+    name = "x" * 240
+    for write in (io.atomic_path, lambda path: io.atomic_directory(path, lambda entry: True)):
+        with (
+            pytest.raises(InputError, match="longer than the system allows"),
+            write(tmp_path / name),
+        ):
+            raise AssertionError("work has started")
+    assert not list(tmp_path.iterdir())
