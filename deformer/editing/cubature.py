@@ -34,15 +34,17 @@ def choose_landmarks(
         decoder: the model's decoder of all sites: V vertices, then B links.
         factor: (K, K) Cholesky factor of the latent covariance.
         positions: (V, 3) reference vertices.
-        count: number of landmarks S; with V or more every vertex is its own landmark.
+        count: number of landmarks S, those of links included as long as they are no more than
+            half; with V or more every vertex is its own landmark.
         seed: seed of the projection, and of the random choice in large meshes.
 
     Returns:
-        Landmarks (S + B,) int64, and for each site (V + B,) the index of its landmark.
+        Landmarks int64, those of links last, and for each site (V + B,) the index of its landmark.
     """
     V, sites = len(positions), len(decoder.matrix)
     if count >= V:
         return np.arange(sites), np.arange(sites)
+    count = max(count - (sites - V), count // 2)
     rng = np.random.default_rng(seed)
     probes = factor @ rng.normal(size=(len(factor), 4))
     sketch = (decoder.matrix[:V] @ probes.astype(np.float32)).reshape(V, -1)

@@ -120,3 +120,16 @@ def test_many_pieces_train_and_fit(count):
     chosen = np.arange(0, 3 * count, 31)
     solver.set_handles(chosen, vertices[4][chosen])
     assert largest(solver.solve().vertices - vertices[4]) < 0.05 * size
+
+
+@pytest.mark.slow
+def test_the_network_of_the_paper_knows_the_pieces_too():
+    shapes = pieces()
+    model = train(shapes, components=8, config="paper", epochs=400, device="cpu")
+    found, true = model.decode(model.fit(shapes.vertices)), shapes.vertices
+    ball, tubes = ([p[:, part].mean(axis=1) for p in (found, true)] for part in (BALL, TUBE))
+    # Where the ball is from the tube, against a ball that does not slide.
+    apart, expected = (b - t for b, t in zip(ball, tubes, strict=True))
+    spread = np.linalg.norm(expected - expected.mean(axis=0), axis=1)
+    error = np.linalg.norm(apart - expected, axis=1)
+    assert (error**2).mean() < 0.25 * (spread**2).mean()
