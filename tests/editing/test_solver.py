@@ -642,6 +642,37 @@ def test_a_minimum_that_is_not_the_lowest_is_left_at_rest_alone(model, diagonal)
     assert energies[-1] <= 1.01 * cold.energy
 
 
+def test_a_solver_with_nothing_to_do_comes_to_rest(model):
+    """Without handles, and at handles that are where they would be anyway: an energy of zero."""
+    solver = HandleSolver(model)
+    vertices = solver.solve().vertices
+    for handles in ([], [5, 90]):
+        solver.set_handles(handles, vertices[handles])
+        solver.restore(model.latent_mean, np.zeros(3), np.zeros(3))
+        for _ in range(100):
+            solver.solve(warm=True)
+        assert solver.at_rest
+
+
+@pytest.mark.parametrize("hard", [False, True])
+def test_a_rest_is_never_above_the_cold_solve(model, diagonal, hard):
+    """After any path, with handles that other poses also nearly meet."""
+    rng = np.random.default_rng(3)
+    for _ in range(12):
+        vertices = rng.choice(len(model.reference.vertices), 4, replace=False)
+        ends = model.reference.vertices[vertices] + 0.5 * diagonal * rng.normal(size=(4, 4, 3))
+        solver = HandleSolver(model)
+        solver.set_handles(vertices, ends[0], hard=hard)
+        solver.solve()
+        for end in ends[1:]:
+            for share in np.linspace(0, 1, 4):
+                solver.drag(int(vertices[0]), (1 - share) * ends[0, 0] + share * end[0])
+        while not solver.at_rest:
+            pose = solver.solve(warm=True)
+        energy = solver.solve().energy
+        assert pose.energy <= 1.01 * energy
+
+
 @pytest.mark.parametrize("hard", [False, True])
 def test_targets_out_of_reach_are_refused_and_leave_no_trace(model, diagonal, hard):
     solver = HandleSolver(model)
