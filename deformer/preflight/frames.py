@@ -245,6 +245,8 @@ def flattened(measures: Statistics, excluded: set[int], label: Labels) -> list[F
         thin = (relative[n] < _FLAT * usual) & (usual > _THICK)
         if not thin.any() or not _lost_lengths(measures, n):
             continue
+        if not thin[0] and not _has_two_sides(measures, n):
+            continue  # a sheet that lies flat, and stretches where it bulges
         what = "line" if thin[0] else "plane"
         findings.append(
             Finding(
@@ -261,11 +263,7 @@ def flattened(measures: Statistics, excluded: set[int], label: Labels) -> list[F
 
 def _all_flat(measures: Statistics) -> list[Finding]:
     """A warning if all shapes lie in planes with faces of both sides up, as a body pressed flat."""
-    faces = measures.sampled_faces
-    a, b, c = (measures.shapes.vertices[0][faces[:, corner]] for corner in range(3))
-    normals = np.cross(b - a, c - a)
-    area = np.linalg.norm(normals, axis=1).sum()
-    if np.linalg.norm(normals.sum(axis=0)) > (1 - 2 * _BACK) * area:
+    if not _has_two_sides(measures, 0):
         return []
     return [
         Finding(
@@ -275,6 +273,15 @@ def _all_flat(measures: Statistics) -> list[Finding]:
             "does, expected a thickness; export the shapes again with all three coordinates",
         )
     ]
+
+
+def _has_two_sides(measures: Statistics, n: int) -> bool:
+    """True if a flat shape has faces of both sides up, as a body that is pressed flat."""
+    faces = measures.sampled_faces
+    a, b, c = (measures.shapes.vertices[n][faces[:, corner]] for corner in range(3))
+    normals = np.cross(b - a, c - a)
+    area = np.linalg.norm(normals, axis=1).sum()
+    return bool(np.linalg.norm(normals.sum(axis=0)) <= (1 - 2 * _BACK) * area)
 
 
 def _lost_lengths(measures: Statistics, n: int) -> bool:

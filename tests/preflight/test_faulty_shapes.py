@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from bodies import bending, body
-from deformer import MeshSequence, load_model, load_shapes, shipped_models
+from deformer import MeshSequence, draw_codes, load_model, load_shapes, shipped_models
 from deformer.preflight import examine
 from paths import DATA
 
@@ -60,13 +60,18 @@ def test_the_mirrored_case_names_shape_file_and_axis():
     assert "(-x, y, z)" in found.message
 
 
-def sheet():
-    x, y = (a.ravel() for a in np.meshgrid(np.arange(9.0), np.arange(7.0)))
-    index = np.arange(63).reshape(7, 9)
+def grid(rows, columns):
+    """A flat sheet: vertices (V, 3), one apart, and faces (F, 3)."""
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(float(columns)), np.arange(float(rows))))
+    index = np.arange(rows * columns).reshape(rows, columns)
     a, b = index[:-1, :-1].ravel(), index[:-1, 1:].ravel()
     c, d = index[1:, 1:].ravel(), index[1:, :-1].ravel()
     faces = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
     return np.column_stack([x, y, 0 * x]), faces
+
+
+def sheet():
+    return grid(7, 9)
 
 
 def grid_shapes(count):
@@ -138,6 +143,17 @@ def test_vertices_far_off_are_named(n):
     assert (found.kind, found.shapes, found.vertices) == ("far", (n,), (17, 90))
 
 
+def test_vertices_a_few_edges_off_the_surface_are_far_off_and_one_on_it_changes_nothing():
+    def throw(p):
+        q = p.copy()
+        q[[17, 90]] *= 3.0
+        q[140] = p[40] + 0.01
+        return q
+
+    found = the_fault(changed(bending(), 4, throw))
+    assert (found.kind, found.shapes) == ("far", (4,))
+
+
 def test_vertices_lost_at_one_place_on_the_surface_are_far_off():
     def lose(p):
         q = p.copy()
@@ -195,21 +211,26 @@ def test_a_set_pressed_flat_is_a_fault_and_a_flat_sheet_is_none():
     assert not faults(MeshSequence(shapes, faces))
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_a_flat_shape_among_few_is_no_fault_where_another_has_a_wrong_order(seed):
-    """Of six shapes one in a wrong order changes the usual lengths of edges."""
-    rng = np.random.default_rng(seed)
-    vertices, faces = sheet()
-    bumps = np.exp(-((vertices[:, :1] - 4) ** 2 + (vertices[:, 1:2] - 3) ** 2) / 3)
-    shapes = vertices + 0.5 * np.arange(6)[:, None, None] * bumps * [0, 0, 1]
-    found = faults(changed(MeshSequence(shapes, faces), 5, rng.permutation))
-    assert {finding.shapes for finding in found} == {(5,)}
+@pytest.mark.parametrize("height", [0.1, 0.35])
+def test_a_sheet_that_lies_flat_and_then_bulges_is_no_fault(height):
+    """Its edges in the flat shape are much shorter than usual, as those of a body pressed flat."""
+    vertices, faces = grid(6, 6)
+    x, y = vertices[:, 0] / 5, vertices[:, 1] / 5
+    bump = height * np.sin(np.pi * x) * np.sin(np.pi * y)
+    shapes = MeshSequence(np.array([np.column_stack([x, y, k * bump]) for k in range(6)]), faces)
+    assert not faults(shapes)
+    shuffle = np.random.default_rng(1).permutation
+    assert {finding.shapes for finding in faults(changed(shapes, 1, shuffle))} == {(1,)}
 
 
 def test_a_shape_pressed_to_a_line_is_not_also_in_another_order():
     model = load_model("flag")
-    shapes = MeshSequence(model.decode(model.codes[:12]), model.reference.faces)
-    found = faults(changed(shapes, 7, lambda p: p * [1, 0, 0]))
+    stretch = np.linspace(1, 1.8, 24)[:, None, None] ** [0, 1, 0]
+    shapes = MeshSequence(
+        stretch * model.decode(draw_codes(model, 24, seed=1)), model.reference.faces
+    )
+    axis = np.ptp(shapes.vertices[23], axis=0).argmax()
+    found = faults(changed(shapes, 23, lambda p: p * np.eye(3)[axis]))
     assert {finding.kind for finding in found} - {"degenerate"} == {"flat"}
 
 
