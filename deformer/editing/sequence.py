@@ -24,7 +24,7 @@ from deformer.checks import (
 )
 from deformer.editing.batch_numba import Boolean, Frames, NumbaFrames
 from deformer.editing.green_functions import HandleBasis
-from deformer.editing.handles import Kind, Point, check_handles, check_kinds, check_points
+from deformer.editing.handles import Kind, Point, Pose, check_handles, check_kinds, check_points
 from deformer.editing.sequence_energy import SequenceEnergy
 from deformer.editing.solver import HandleSolver
 from deformer.editing.unknowns import Unknowns
@@ -37,6 +37,8 @@ from deformer.model import DeformationModel
 # the next window.
 _WINDOW = 512
 _AHEAD = 32
+# Frames whose automatic noise decides that of a sequence, and its least value.
+_NOISE_FRAMES, _LEAST_NOISE = 3, 0.007
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +75,7 @@ def fit_sequence(
     kinds: Kind | Sequence[Kind] | None = None,
     smoothness: float = 10.0,
     rigid: bool = True,
-    noise: float = 0.007,
+    noise: float | None = None,
     relaxation: int = 2,
     device: str = "cpu",
     backend: str | None = None,
@@ -97,7 +99,8 @@ def fit_sequence(
         smoothness: weight of squared accelerations, 0 or more; 0 fits every frame on its own. For
             motion that is slow for its frame rate, 100 and more are suitable.
         rigid: as in `HandleSolver`.
-        noise: as in `HandleSolver`; the default is for markers, which are less certain than shapes.
+        noise: as in `HandleSolver`. None is the median of what it chooses for a few frames, but at
+            least 0.007: with less the descent over all frames stalls (docs/prior.md).
         relaxation: rounds of rigid relaxation in each frame with hard handles.
         device: "cpu", "cuda", "mps" or "auto" (cuda or mps if there is one, else cpu).
         backend: "numba", which uses all cores of the CPU, or "torch", which computes many frames
@@ -119,6 +122,9 @@ def fit_sequence(
     # In a motion the body may go anywhere: the rigid motion has the diffuse prior alone.
     solver = HandleSolver(model, rigid=rigid, noise=noise, freedom=1.0)
     solver.warn_of_units(points, np.where(factors[..., None] > 0, goals, np.nan))
+    first = _first_guess(solver, points, goals, factors)
+    if noise is None:
+        solver.set_prior(noise=_noise(solver, points, goals, factors))
     basis = solver.basis
     basis.set_points(points)
     batch = _backend(basis, device, backend)
@@ -132,8 +138,7 @@ def fit_sequence(
     with one_blas_thread():
         for start in range(0, F, _WINDOW):
             stop, seen = min(start + _WINDOW, F), min(start + _WINDOW + _AHEAD, F)
-            guess = X[start - 1] if start else _first_guess(solver, points, goals, factors)
-            basis.set_points(points)
+            guess = X[start - 1] if start else first
             before = X[max(0, start - 2) : start]
             window, more = sequence.solve(slice(start, seen), guess, before)
             X[start:stop] = window[: stop - start]
@@ -172,13 +177,33 @@ def _first_guess(
     """
     counts = (factors[:_WINDOW] > 0).sum(axis=1)
     frame = int((2 * counts >= counts.max()).argmax())
-    seen = factors[frame] > 0
-    solver.set_handles(
-        [points[h] for h in np.flatnonzero(seen)], goals[frame, seen], factors[frame, seen]
-    )
-    pose = solver.solve()
+    pose = _solve_frame(solver, points, goals[frame], factors[frame])
     energy = solver.energy
     return energy.unknowns(pose.z, pose.rotation, pose.translation / energy.diagonal)
+
+
+def _noise(
+    solver: HandleSolver, points: list[Point], goals: FloatArray, factors: FloatArray
+) -> float:
+    """Noise of a sequence: the median of a few frames' automatic noises, or `_LEAST_NOISE`."""
+    seen = np.flatnonzero((factors > 0).any(axis=1))
+    if not len(seen):
+        return _LEAST_NOISE
+    noises = []
+    for frame in np.unique(seen[np.linspace(0, len(seen) - 1, _NOISE_FRAMES).astype(int)]):
+        _solve_frame(solver, points, goals[frame], factors[frame])
+        noises.append(solver.energy.noise)
+    return max(_LEAST_NOISE, float(np.median(noises)))
+
+
+def _solve_frame(
+    solver: HandleSolver, points: list[Point], goals: FloatArray, factors: FloatArray
+) -> Pose:
+    """Pose of the handles of one frame, targets (H, 3) and weights (H,), that are seen."""
+    seen = factors > 0
+    chosen = [points[h] for h in np.flatnonzero(seen)]
+    solver.set_handles(chosen, goals[seen], factors[seen])
+    return solver.solve()
 
 
 def _backend(basis: HandleBasis, device: str, backend: str | None) -> Frames:
