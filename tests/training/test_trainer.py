@@ -1,12 +1,15 @@
 """Trainings cut short at every stage, and what they need not do again."""
 
+import json
+import shutil
+
 import numpy as np
 import pytest
 
 from bars import bending_bar
-from deformer import InputError, MeshSequence, check_resumable, train
+from deformer import InputError, MeshSequence, check_resumable, io, train
 from deformer.training import trainer
-from deformer.training.settings_search import SettingsSearch
+from deformer.training.settings_search import SPARSITIES, SettingsSearch
 from deformer.training.training_set import TrainingSet
 
 OPTIONS = {"components": 3, "epochs": 4}
@@ -129,3 +132,33 @@ def test_damaged_features_are_refused(stopped, tmp_path):
     (tmp_path / "features.safetensors").write_bytes(b"half a file")
     with pytest.raises(InputError, match=r"features\.safetensors: "):
         check_resumable(tmp_path, **OPTIONS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("change", [lambda a: 1e30 * a, lambda a: 0 * a, lambda a: -1e4 * a])
+def test_absurd_arrays_end_in_one_line_or_in_a_finite_model(tmp_path, change):
+    told = Stop("training", 2)
+    train(bending_bar(), **OPTIONS, checkpoint=tmp_path, on_progress=told)
+    (file,) = tmp_path.glob("epoch-*.safetensors")
+    arrays = {
+        name: change(array).astype(array.dtype) if array.dtype.kind == "f" else array
+        for name, array in io.read_tensors(file).items()
+    }
+    io.write_tensors(file, arrays)
+    try:
+        with np.errstate(all="ignore"):
+            model, _ = resume(tmp_path)
+    except InputError as error:
+        assert len(str(error).splitlines()) == 1
+    else:
+        assert np.isfinite(model.codes).all()
+        assert np.isfinite(model.decode(model.codes)).all()
+
+
+def test_a_damaged_trial_names_its_file(stopped, tmp_path):
+    folder = shutil.copytree(stopped, tmp_path / "run")
+    identity = io.read_metadata(folder / "features.safetensors", "identity").value
+    trials = {str(sparsity): np.full(3, np.nan) for sparsity in SPARSITIES}
+    io.write_tensors(folder / "trials.safetensors", trials, {"identity": json.dumps(identity)})
+    with pytest.raises(InputError, match=r"trials\.safetensors: .*delete the checkpoint"):
+        resume(folder)
