@@ -232,17 +232,25 @@ def checked_array(
         raise InputError(f"{name}: expected {_shapes(shapes)}, got {array.shape}; {remedy}")
     array = array.astype(np.float64, copy=False)
     if finite:
-        refuse_bad(name, array, ~(np.abs(array) <= min(largest, np.finfo(float).max)), largest)
+        bad = ~(np.abs(array) <= min(largest, np.finfo(float).max))
+        refuse_bad(name, array, bad, largest, remedy=remedy)
     return array
 
 
-def refuse_bad(name: object, array: NDArray, bad: NDArray, largest: float = math.inf) -> None:
+def refuse_bad(
+    name: object,
+    array: NDArray,
+    bad: NDArray,
+    largest: float = math.inf,
+    *,
+    remedy: str = "correct it",
+) -> None:
     """Name the first number of an array that is `bad`: not finite, or larger than `largest`."""
     if bad.any():
         index = tuple(np.argwhere(bad)[0].tolist())
         where = f"{name}[{', '.join(map(str, index))}]" if index else name
         bound = f" up to ±{largest:g}" if math.isfinite(largest) else ""
-        raise _unexpected(where, f"a finite number{bound}", float(array[index]), "correct it")
+        raise _unexpected(where, f"a finite number{bound}", float(array[index]), remedy)
 
 
 def checked_indices(

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deformer.checks import LARGEST, checked_array
 from deformer.errors import InputError
 from deformer.io import (
     JsonValue,
@@ -30,6 +32,7 @@ from deformer.network import MOST_EPOCHS
 _FORMAT = 1
 _FILE = "checkpoint.json"
 _STAGES = ("features", "trials")
+_REMEDY = "delete the checkpoint, or start without --resume"
 # Names of the files of a checkpoint, and of those that a killed process left half written.
 _WRITTEN = re.compile(
     rf"(\.)?(checkpoint|epoch-\d{{7}}|{'|'.join(_STAGES)})(?(1)-[\da-f-]+)\.(json|safetensors)"
@@ -97,7 +100,7 @@ def save_checkpoint(
 
 
 def load_checkpoint(
-    folder: Path | None, identity: dict[str, Any]
+    folder: Path, identity: dict[str, Any]
 ) -> tuple[dict[str, Any], dict[str, NDArray]]:
     """Status and arrays of a folder's checkpoint.
 
@@ -108,8 +111,6 @@ def load_checkpoint(
     Raises:
         InputError: there is no checkpoint, it is damaged, or it is of another identity.
     """
-    if folder is None:
-        raise InputError("resume: a checkpoint folder is needed")
     where = folder / _FILE
     if not where.is_file():
         raise InputError(f"{where}: no checkpoint to resume; start without --resume")
@@ -123,25 +124,41 @@ def load_checkpoint(
     return data.value, read_tensors(folder / name)
 
 
-def check_arrays(
-    folder: Path | None, found: Mapping[str, NDArray], expected: Mapping[str, NDArray]
-) -> None:
+def check_arrays(file: Path, found: Mapping[str, NDArray], expected: Mapping[str, NDArray]) -> None:
     """Check the arrays of a checkpoint against those that the training has at its start.
 
     Args:
-        folder: the checkpoint's folder, for messages.
+        file: the file of the arrays, for messages.
         found: name → array.
         expected: name → array of the shape and the dtype that `found` must have.
 
     Raises:
-        InputError: an array is missing, unknown, of another kind, or not finite.
+        InputError: an array is missing, unknown, of another kind, not finite, or too large.
     """
     for name in sorted({*found, *expected}):
-        array, example = found.get(name), expected.get(name)
-        what, got = _kind(example), _kind(array)
-        if array is None or what != got or not np.isfinite(array).all():
-            got = got.removeprefix("finite ")
-            raise InputError(f"{folder}: {name}: expected {what}, got {got}; delete the checkpoint")
+        what, got = _kind(expected.get(name)), _kind(found.get(name))
+        if what != got:
+            raise InputError(f"{file}: {name}: expected {what}, got {got}; {_REMEDY}")
+        checked_array(found[name], f"{file}: {name}", largest=LARGEST, remedy=_REMEDY)
+
+
+@contextmanager
+def blamed(place: Path | None) -> Iterator[None]:
+    """Let a failure within the block name the checkpoint that the block works with.
+
+    Args:
+        place: the checkpoint's folder, or its file; None if nothing comes from a checkpoint.
+
+    Raises:
+        InputError: in place of one that does not name `place`, and of errors of arithmetic.
+    """
+    try:
+        yield
+    except (InputError, ArithmeticError, np.linalg.LinAlgError) as error:
+        if place is None or str(error).startswith(str(place)):
+            raise
+        fault = str(error).rpartition("; ")[0] or error  # without the remedy
+        raise InputError(f"{place}: training cannot go on from it ({fault}); {_REMEDY}") from error
 
 
 class Stages:
@@ -209,7 +226,7 @@ def _stage(folder: str | Path, name: str) -> Path:
 
 
 def _kind(array: NDArray | None) -> str:
-    return "nothing" if array is None else f"finite {array.dtype} {array.shape}"
+    return "nothing" if array is None else f"{array.dtype} {array.shape}"
 
 
 def _arrays_name(epoch: int) -> str:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from deformer.errors import InputError
 from deformer.geometry import FloatArray
 from deformer.network import ModelConfig, NetworkWeights
 from deformer.training.checkpoints import check_arrays, load_checkpoint, save_checkpoint
@@ -139,8 +140,10 @@ def run_training(
     """
     epoch, seconds = 0, 0.0
     if resume:
+        if checkpoint is None:
+            raise InputError("resume: expected a checkpoint folder, got None; give one")
         status, arrays = load_checkpoint(checkpoint, identity)
-        check_arrays(checkpoint, arrays, trainee.state()[1])
+        check_arrays(checkpoint / status["arrays"], arrays, trainee.state()[1])
         trainee.restore(status, arrays)
         epoch, seconds = status["epoch"], status["seconds"]
     else:

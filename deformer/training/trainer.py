@@ -35,6 +35,7 @@ from deformer.network import (
 )
 from deformer.training.checkpoints import (
     Stages,
+    blamed,
     check_checkpoint,
     check_identity,
     has_checkpoint,
@@ -135,23 +136,23 @@ def train(
             if not resume:
                 remove_checkpoint(folder)
         if (kept := stages.load("features")) is not None:
-            try:
+            with blamed(Path(stages.place("features"))):
                 examples = TrainingSet.restore(kept, base.faces)
-            except InputError as error:
-                raise InputError(f"{checkpoint}: features: {error}") from error
         else:
             examples = TrainingSet.prepare(chosen, base, reference_index, settings, on_features)
             stages.save("features", examples.arrays)
-        if isinstance(settings.training, FactorisationSettings):
-            settings, handle_noise = SettingsSearch(examples, settings, stages, on_progress).run()
-        result = examples.train_network(
-            settings,
-            seed=seed,
-            device=device,
-            checkpoint=folder,
-            resume=resume and folder is not None and has_trained(folder),
-            on_progress=on_progress,
-        )
+        with blamed(folder if resume else None):
+            if isinstance(settings.training, FactorisationSettings):
+                search = SettingsSearch(examples, settings, stages, on_progress)
+                settings, handle_noise = search.run()
+            result = examples.train_network(
+                settings,
+                seed=seed,
+                device=device,
+                checkpoint=folder,
+                resume=resume and folder is not None and has_trained(folder),
+                on_progress=on_progress,
+            )
     summary = {
         "shapes": len(shapes),
         "train": len(indices),
@@ -163,7 +164,8 @@ def train(
         "seed": seed,
         **_outcome(result),
     }
-    model = examples.build_model(result.weights, settings, split, summary)
+    with blamed(folder if resume else None):
+        model = examples.build_model(result.weights, settings, split, summary)
     summary["train_e_rms"] = e_rms(examples.shapes.vertices, model.decode(model.codes))
     if test_shapes is not None:
         if settings.align:
