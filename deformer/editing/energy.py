@@ -31,6 +31,10 @@ _DAMPING = Damping(initial=1e-3, up=8.0, down=8.0, floor=1e-9, ceiling=1e8)
 _ABSOLUTE_GAIN = 1e-9
 
 
+# Share of the components' variance that a likely code has at most.
+_LIKELY = 0.5
+
+
 @dataclass(frozen=True, eq=False)
 class HandleEnergy:
     """Σ_h w_h ‖Q (p_h(z) + c(z)) + t − q_h‖² / (σ D)² + ‖y‖² + ‖b(z)‖² + m(ω, t).
@@ -169,6 +173,21 @@ class HandleEnergy:
         stiffness, cost = self.stiffness(x)
         excess, _ = self.excess_bending(x)
         return float((misfit**2).sum() + (stiffness * x**2).sum() + (excess**2).sum()) + cost
+
+    def noise_within_reach(self, x: FloatArray, p: FloatArray, least: float) -> float:
+        """Noise with which targets out of reach leave the code a likely one.
+
+        σ² changes by min(Σ_h w_h ‖p_h − q_h‖² / (3 H σ² D²), ‖y‖² / (K / 2)): it grows while both
+        the handles are farther from their targets than σ and the code is unlikely.
+
+        Args:
+            x: (K+6,) unknowns of the minimum of this energy.
+            p: (H, 3) handle positions there.
+            least: the least noise.
+        """
+        reach = (self._misfit(x, p) ** 2).sum() / max(3 * len(p), 1)
+        likely = np.square(Unknowns(x).code).sum() / (_LIKELY * self.components)
+        return max(least, self.noise * float(np.sqrt(min(reach, likely))))
 
     def excess_bending(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Bending b beyond that of every example, and its derivative ∂b/∂y.

@@ -40,6 +40,9 @@ _REFINEMENTS = 10
 _RESTING = 1e-2
 _RESTING_GAIN = 1e-9
 _LOWER = 5e-3
+# Noise chosen by the search: the change of its square that is followed, the most changes in one
+# minimum, and the most searches from all starts with another noise.
+_NOISE_CHANGE, _NOISE_CHANGES, _NOISE_SEARCHES = 1.1, 8, 3
 # Shares of a refining step, tried in turn until one lowers the exact energy.
 _SHARES = (1.0, 0.3, 0.1, 0.03)
 
@@ -67,8 +70,23 @@ class _Correction:
     derivative: FloatArray
 
 
-# Yields the steps of its parts; returns the state of least energy and its correction.
-_Search = Generator[int, None, tuple[State, _Correction | None]]
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Result of a search.
+
+    Args:
+        energy: the energy that was minimised.
+        state: the state of its least value.
+        correction: of the landmarks' derivative there.
+    """
+
+    energy: HandleEnergy
+    state: State
+    correction: _Correction | None
+
+
+# Yields the steps of its parts, returns the result.
+_Search = Generator[int, None, _Found]
 
 
 @dataclass(eq=False)
@@ -121,6 +139,8 @@ class CodeSearch:
 
     Attributes:
         jumped: true if the last warm solve ended in another minimum than it began in.
+        least_noise: least noise of a search that raises the noise where targets are out of reach
+            (`HandleEnergy.noise_within_reach`); None keeps the energy's noise.
     """
 
     def __init__(self, energy: HandleEnergy, basis: HandleBasis, codes: FloatArray) -> None:
@@ -129,6 +149,7 @@ class CodeSearch:
         self._basis, self._codes = basis, codes
         self._cache = _Cache()
         self.jumped = False
+        self.least_noise: float | None = None
         self._candidates = self._choose_candidates()
 
     def _choose_candidates(self) -> FloatArray:
@@ -174,10 +195,16 @@ class CodeSearch:
             cache.decoded = state if cache.decoded is cache.state else None
             cache.state = state
 
-    def evaluate(self, x: FloatArray) -> State:
-        """State of unknowns x (K+6,): decodes all vertices for the exact energy."""
-        p = self._basis.surface.decode(self.energy.code(x))
-        state = State(x, p, self.energy.value(x, p))
+    def evaluate(self, x: FloatArray, energy: HandleEnergy | None = None) -> State:
+        """State of unknowns x (K+6,): decodes all vertices for the exact energy.
+
+        Args:
+            x: unknowns.
+            energy: None is the present one.
+        """
+        energy = energy or self.energy
+        p = self._basis.surface.decode(energy.code(x))
+        state = State(x, p, energy.value(x, p))
         self._cache.decoded = state
         return state
 
@@ -212,35 +239,65 @@ class CodeSearch:
             try:
                 steps += next(search)
             except StopIteration as ended:
-                state, self._cache.correction = ended.value
                 self._cache.search, self._cache.searched = None, True
-                return self._keep(state), steps
+                return self._adopt(ended.value), steps
+
+    def _adopt(self, found: _Found) -> State:
+        """Make the result of a search, with its noise, the solution."""
+        self.energy, self._cache.correction = found.energy, found.correction
+        return self._keep(found.state)
 
     def _search(self) -> _Search:
-        """The search of a cold solve, in parts.
+        """The search of a cold solve, in parts: of a descent by landmarks, or of a refinement.
 
-        Yields:
-            The steps of each part: of a descent by landmarks, or of a refinement.
-
-        Returns:
-            The state of least energy, and its correction.
+        A noise that changes is followed in the minimum found; with the last one all starts are
+        tried again.
         """
+        if self.least_noise is None:
+            return (yield from self._search_in(self.energy))
+        found = yield from self._search_in(replace(self.energy, noise=self.least_noise))
+        for _ in range(_NOISE_SEARCHES):
+            noise = found.energy.noise
+            found = yield from self._follow_noise(found, self.least_noise)
+            if found.energy.noise == noise:
+                break
+            found = yield from self._search_in(found.energy)
+        return found
+
+    def _follow_noise(self, found: _Found, least: float) -> _Search:
+        """Follow the noise that a result asks for, in the same minimum, until it stays."""
+        for _ in range(_NOISE_CHANGES):
+            state, noise = found.state, found.energy.noise
+            wanted = found.energy.noise_within_reach(state.x, state.p, least)
+            if 1 / _NOISE_CHANGE < (wanted / noise) ** 2 < _NOISE_CHANGE:
+                break
+            energy = replace(found.energy, noise=wanted)
+            state = replace(state, energy=energy.value(state.x, state.p))
+            found = yield from self._converge(energy, state)
+        return found
+
+    def _search_in(self, energy: HandleEnergy) -> _Search:
+        """Search from all starts for the least value of an energy."""
         positions, coarse = self._basis.landmark_positions(), []
-        for energy, start in self._all_starts(positions):
-            coarse.append(energy.descend(positions, start, _START_STEPS))
+        for term, start in self._all_starts(energy, positions):
+            coarse.append(term.descend(positions, start, _START_STEPS))
             yield coarse[-1][2]
         coarse.sort(key=lambda entry: entry[1])
-        finished: list[tuple[State, _Correction | None]] = []
+        finished = []
         for x, _, _ in coarse[:_FINISHED]:
-            state, correction = self.evaluate(x), None
-            for _ in range(_REFINEMENTS):
-                before = state
-                state, correction, steps = self._refined(before, correction)
-                yield steps
-                if state.energy > before.energy * (1.0 - _FINAL_GAIN):
-                    break
-            finished.append((state, correction))
-        return min(finished, key=lambda entry: entry[0].energy)
+            finished.append((yield from self._converge(energy, self.evaluate(x, energy))))
+        return min(finished, key=lambda found: found.state.energy)
+
+    def _converge(self, energy: HandleEnergy, state: State) -> _Search:
+        """Refine a state until its energy no longer falls."""
+        correction = None
+        for _ in range(_REFINEMENTS):
+            before = state
+            state, correction, steps = self._refined(energy, before, correction)
+            yield steps
+            if state.energy > before.energy * (1.0 - _FINAL_GAIN):
+                break
+        return _Found(energy, state, correction)
 
     @property
     def at_rest(self) -> bool:
@@ -271,7 +328,7 @@ class CodeSearch:
         # The energy of the last unknowns changes with the targets.
         state = replace(state, energy=self.energy.value(state.x, state.p))
         if self._targets_unchanged():
-            found, cache.correction, steps = self._refined(state, cache.correction)
+            found, cache.correction, steps = self._refined(self.energy, state, cache.correction)
             least_gain = _RESTING * state.energy + _RESTING_GAIN
             if explore and not cache.searched and state.energy - found.energy <= least_gain:
                 found, more = self._explore(found)
@@ -279,11 +336,11 @@ class CodeSearch:
             return self._keep(found), steps
         cache.forget_search()
         frame = cache.correction, _FRAME_STEPS, _FRAME_GAIN
-        x, estimate, steps = self._descend_by_landmarks(state, *frame)
+        x, estimate, steps = self._descend_by_landmarks(self.energy, state, *frame)
         found = self.evaluate(x)
         if found.energy > estimate + _ESTIMATE_TOLERANCE * (abs(estimate) + 1.0):
             better = found if found.energy < state.energy else state
-            x, _, more = self._descend_by_landmarks(better, *frame)
+            x, _, more = self._descend_by_landmarks(self.energy, better, *frame)
             again, steps = self.evaluate(x), steps + more
             found = min((again, found), key=lambda entry: entry.energy)
         return self._keep(min((state, found), key=lambda entry: entry.energy)), steps
@@ -300,11 +357,12 @@ class CodeSearch:
             return state, next(cache.search)
         except StopIteration as ended:
             cache.searched = True
-            found, correction = ended.value
-        if found.energy >= state.energy * (1.0 - _LOWER):
+            found = ended.value
+        same = found.energy.noise == self.energy.noise
+        if same and found.state.energy >= state.energy * (1.0 - _LOWER):
             return state, 0
-        self.jumped, cache.correction = True, correction
-        return found, 0
+        self.jumped = True
+        return self._adopt(found), 0
 
     def _targets_unchanged(self) -> bool:
         """True if the last solution is for the present targets and weights."""
@@ -312,11 +370,12 @@ class CodeSearch:
         return last is not None and all(map(np.array_equal, last, now))
 
     def _refined(
-        self, state: State, correction: _Correction | None
+        self, energy: HandleEnergy, state: State, correction: _Correction | None
     ) -> tuple[State, _Correction, int]:
         """Descend by landmarks whose derivative is corrected by that of all vertices.
 
         Args:
+            energy: the energy to lower.
             state: to start from.
             correction: an earlier correction, which is reused if it is that of the state.
 
@@ -324,40 +383,44 @@ class CodeSearch:
             A state whose energy is not higher, the correction used, and the steps taken.
         """
         if correction is None or not np.array_equal(correction.x, state.x):
-            z = self.energy.code(state.x)
+            z = energy.code(state.x)
             exact, landmarks = self._basis.exact_positions(), self._basis.landmark_positions()
             difference = exact.at(z).derivative() - landmarks.at(z).derivative()
             correction = _Correction(state.x, difference)
-        x, _, steps = self._descend_by_landmarks(state, correction, _FINAL_STEPS, _FINAL_GAIN)
+        limits = _FINAL_STEPS, _FINAL_GAIN
+        x, _, steps = self._descend_by_landmarks(energy, state, correction, *limits)
         step = x - state.x
         # Far from the state the corrected landmarks may be wrong: a shorter step may be better.
         for share in _SHARES if step.any() else ():
-            found = self.evaluate(state.x + share * step)
+            found = self.evaluate(state.x + share * step, energy)
             if found.energy < state.energy:
                 return found, correction, steps
         return state, correction, steps
 
     def _descend_by_landmarks(
-        self, state: State, correction: _Correction | None, steps: int, relative_gain: float
+        self,
+        energy: HandleEnergy,
+        state: State,
+        correction: _Correction | None,
+        steps: int,
+        relative_gain: float,
     ) -> tuple[FloatArray, float, int]:
         """Descend from a state with handle positions by landmarks, which are exact at the state."""
         positions = CorrectedHandlePositions(
             self._basis.landmark_positions(), None if correction is None else correction.derivative
         )
-        here = positions.match(self.energy.code(state.x), state.p)
-        return self.energy.descend(positions, state.x, steps, relative_gain, here)
+        here = positions.match(energy.code(state.x), state.p)
+        return energy.descend(positions, state.x, steps, relative_gain, here)
 
-    def _all_starts(self, positions: HandlePositions) -> list[tuple[HandleEnergy, FloatArray]]:
+    def _all_starts(
+        self, energy: HandleEnergy, positions: HandlePositions
+    ) -> list[tuple[HandleEnergy, FloatArray]]:
         """Starts of a cold solve, each with the energy to descend in.
 
         Each kind of rigid motion is tried on its own: a descent that starts with one never switches
         to the other.
         """
-        return [
-            (energy, x)
-            for energy in self.energy.by_rigid_term()
-            for x in self._starts(energy, positions)
-        ]
+        return [(term, x) for term in energy.by_rigid_term() for x in self._starts(term, positions)]
 
     def _starts(self, energy: HandleEnergy, positions: HandlePositions) -> list[FloatArray]:
         """The prior's mean and the training codes that fit the handles best, rigidly moved."""

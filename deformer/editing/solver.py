@@ -59,9 +59,6 @@ _FIRST_ROTATION_STEPS = 60
 _ROTATION_STEPS = 10
 # A round of relaxation that moves no vertex by this much, in bounding diagonals, is the last one.
 _RELAXED = 2e-5
-# Automatic noise: the share of the components' variance that a likely code has at most, the change
-# of the variance that is followed, and the most cold solves.
-_LIKELY, _NOISE_CHANGE, _NOISE_SOLVES = 0.5, 1.1, 8
 # A warm solve that lowers the energy by a smaller share than this has converged.
 _CONVERGED = 1e-3
 
@@ -117,7 +114,7 @@ class HandleSolver:
         self._exact_points: list[Point] = []
         self._warning: str | None = None
         self.set_prior(noise=used, freedom=freedom)
-        self._is_automatic = noise is None
+        self._search.least_noise = used if noise is None else None
         self._handles: list[Handle] = []
         self._places = SurfacePoints([], model.reference.faces)
         self._assign([])
@@ -202,7 +199,7 @@ class HandleSolver:
         """
         _check_parameters(noise, freedom)
         if noise is not None:
-            self._is_automatic = False
+            self._search.least_noise = None
         given: dict[str, Any] = {"noise": noise, "freedom": freedom}
         changes = {name: value for name, value in given.items() if value is not None}
         centre = None if mean is None else self._code(mean, "mean")
@@ -275,49 +272,10 @@ class HandleSolver:
                     vertices = self._frame_vertices(state)
             else:
                 self._surface.reset()
-                state, steps = self._cold()
+                state, steps = self._search.cold()
                 vertices = self._relaxed_vertices(state)
             pose = self._pose(state, steps, vertices)
-            if warm:  # for the next frame
-                self._adapt_noise(state)
         return replace(pose, milliseconds=1000.0 * (time.perf_counter() - begun))
-
-    def _cold(self) -> tuple[State, int]:
-        """A cold search, again with more noise while the noise is automatic and too small."""
-        if self._is_automatic:
-            self._set_noise(self.model.handle_noise)
-        state, steps = self._search.cold()
-        for _ in range(_NOISE_SOLVES):
-            if not self._adapt_noise(state):
-                break
-            state, more = self._search.cold()
-            steps += more
-        return state, steps
-
-    def _adapt_noise(self, state: State) -> bool:
-        """Follow automatic noise; true if it has changed.
-
-        σ² changes by min(Σ_h w_h ‖p_h − q_h‖² / (3 H σ² D²), ‖y‖² / (K / 2)): it grows while both
-        the handles are farther from their targets than σ and the code is unlikely.
-        """
-        energy = self.energy
-        H = len(energy.targets)
-        if not self._is_automatic or H == 0:
-            return False
-        misfit = energy.weights @ np.square(energy.move(state.x, state.p) - energy.targets)
-        reach = misfit.sum() / (3 * H * (energy.noise * energy.diagonal) ** 2)
-        likely = np.square(Unknowns(state.x).code).sum() / (_LIKELY * energy.components)
-        least = self.model.handle_noise
-        noise = max(least, energy.noise * float(np.sqrt(min(reach, likely))))
-        change = (noise / energy.noise) ** 2
-        if 1 / _NOISE_CHANGE < change < _NOISE_CHANGE:
-            return False
-        self._set_noise(noise)
-        return True
-
-    def _set_noise(self, noise: float) -> None:
-        if noise != self.energy.noise:
-            self._search.set_prior(replace(self.energy, noise=noise), None)
 
     def solve_to_convergence(self, solves: int = 8) -> Pose:
         """Solve from the last solution, again and again until the energy no longer falls.

