@@ -13,6 +13,7 @@ import pytest
 import deformer
 from bars import bending_bar
 from command import DEFORMER
+from deformer.model import storage
 from deformer_app import console
 from deformer_app.cli.main import app
 from waiting import HANG
@@ -98,16 +99,15 @@ def test_a_mistake_of_the_shapes_leaves_the_old_checkpoint(run, tmp_path):
 def test_a_disk_that_gets_full_is_one_line_and_loses_nothing(
     run, shapes_path, tmp_path, monkeypatch
 ):
-    write = Path.write_bytes
+    write = storage.write_tensors
 
-    def full(path, content):
-        if path.name == "weights.safetensors":
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return write(path, content)
+    def full(path, arrays):
+        write(path, arrays)
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     command = train(shapes_path, tmp_path / "m")
     with monkeypatch.context() as patch:
-        patch.setattr(Path, "write_bytes", full)
+        patch.setattr(storage, "write_tensors", full)
         status, out, err = run(*command)
     told = err.splitlines()[-1]
     assert (status, out) == (2, "") and told.startswith(f"deformer: {tmp_path / 'm'}: No space")
@@ -134,7 +134,7 @@ def test_resuming_looks_at_the_checkpoint_first(refuse, run, shapes_path, tmp_pa
     command = train(shapes_path, tmp_path / "m", "--resume")
     assert "other config" in refuse(*command, "--components", "5")
     (tmp_path / "m.checkpoint" / "checkpoint.json").write_text("{")
-    assert "not a readable checkpoint" in refuse(*command)
+    assert "checkpoint.json, line 1: not JSON" in refuse(*command)
 
 
 @pytest.mark.slow
