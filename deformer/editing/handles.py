@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,6 +15,8 @@ from deformer.checks import (
     checked_array,
     checked_choice,
     checked_indices,
+    checked_integer,
+    checked_number,
     shortened,
 )
 from deformer.errors import InputError
@@ -40,12 +42,28 @@ class Handle:
         target: (3,) its target position, in the data's units.
         weight: factor on its squared distance from the target.
         kind: "soft" for near the target, "exact" for on it, "pin" for on it, and never dragged.
+
+    Raises:
+        InputError: a vertex that is neither an index nor a `SurfacePoint`, a target that is not
+            three finite numbers, a weight that is not positive, or a kind that is none.
     """
 
     vertex: Point
     target: tuple[float, float, float]
     weight: float = 1.0
     kind: Kind = "soft"
+
+    def __post_init__(self) -> None:
+        """Check the arguments, and make plain numbers of numpy's."""
+        vertex = self.vertex
+        if not isinstance(vertex, SurfacePoint):
+            remedy = "give the index of a vertex, or a SurfacePoint"
+            vertex = checked_integer(vertex, "vertex", least=0, remedy=remedy)
+        target = checked_array(self.target, "target", (3,)).tolist()
+        weight = checked_number(self.weight, "weight", above=0, most=LARGEST)
+        checked_choice(self.kind, "kind", KINDS)
+        for name, value in {"vertex": vertex, "target": tuple(target), "weight": weight}.items():
+            object.__setattr__(self, name, value)
 
     @property
     def hard(self) -> bool:
@@ -203,10 +221,11 @@ def check_kinds(
     elif exact.any():
         raise InputError("kinds: expected them or hard=True, got both; leave one out")
     else:
-        each = [kinds] if isinstance(kinds, str) else list(kinds)
+        several = isinstance(kinds, Iterable) and not isinstance(kinds, str)
+        each = list(kinds) if several else [kinds]
         for kind in each:
             checked_choice(kind, "kinds", KINDS)
-        name, chosen = "kinds", np.array(each[0] if isinstance(kinds, str) else each)
+        name, chosen = "kinds", np.array(each if several else kinds)
     if chosen.shape not in ((), (H,), shape):
         raise InputError(f"{name}: expected ({H},), one a handle, got {chosen.shape}")
     return np.broadcast_to(chosen, shape)

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deformer.checks import LARGEST, checked_array, checked_integer, checked_number
+from deformer.checks import (
+    LARGEST,
+    checked_array,
+    checked_instance,
+    checked_integer,
+    checked_number,
+)
 from deformer.errors import InputError
 from deformer.geometry.mesh import FloatArray, IntArray, Mesh
 
@@ -39,6 +45,7 @@ class SurfacePoint:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
+        checked_instance(self.vertices, "vertices", Iterable, remedy="give a tuple of indices")
         vertices = tuple(checked_integer(v, "vertices", least=0) for v in self.vertices)
         weights = checked_array(self.weights, "weights", (len(vertices),), largest=LARGEST)
         if not len(vertices) or len(set(vertices)) < len(vertices):

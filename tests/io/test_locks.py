@@ -5,7 +5,9 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
+import filelock
 import pytest
 
 from deformer import io
@@ -68,6 +70,26 @@ def test_a_block_within_a_block_has_the_lock_and_another_thread_does_not(tmp_pat
         thread.join()
         assert found == [None]
     assert not any(tmp_path.iterdir())
+
+
+def test_the_lock_is_free_after_the_block_where_its_file_stays(tmp_path, monkeypatch):
+    """As on Windows, which removes no open file; the object lives on, as in a traceback."""
+    alive = []
+
+    class Kept(filelock.FileLock):
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            alive.append(self)
+
+    def refuse(*_, **__):
+        raise PermissionError
+
+    monkeypatch.setattr(filelock, "FileLock", Kept)
+    monkeypatch.setattr(Path, "unlink", refuse)
+    with io.locked(tmp_path / "out"):
+        assert len(alive) == 1
+    with holder(tmp_path / "out"):
+        refused(tmp_path / "out")
 
 
 def test_no_two_hold_it_while_its_file_comes_and_goes(tmp_path):
