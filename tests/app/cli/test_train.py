@@ -168,3 +168,50 @@ def test_ctrl_c_at_any_moment_is_told_and_goes_on(run, shapes_path, tmp_path, mo
     assert "features" not in err
     assert deformer.load_model(tmp_path / "m").summary["epochs"] == 4
     assert sorted(path.name for path in tmp_path.iterdir()) == ["m"]
+
+
+# The half of a checkpoint's file is written when Ctrl-C is pressed twice: the second cuts it short.
+TWICE = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from deformer.training import checkpoints, loop
+
+loop._CHECKPOINT_SECONDS = 0.0
+write, saves = checkpoints.write_tensors, []
+
+def interrupted(path, *contents):
+    write(path, *contents)
+    saves.append(path) if "epoch-" in path.name else None
+    if len(saves) == {save}:
+        path.write_bytes(path.read_bytes()[:1000])
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+
+checkpoints.write_tensors = interrupted
+from deformer_app.cli.main import main
+main()
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("save", [3, 5], ids=["between steps", "after the last"])
+def test_a_second_ctrl_c_during_a_save_leaves_the_checkpoint_whole(
+    run, shapes_path, tmp_path, save
+):
+    command = train(shapes_path, tmp_path / "m")
+    done = subprocess.run(
+        [sys.executable, "-c", TWICE.replace("{save}", str(save)), *map(str, command)],
+        capture_output=True,
+        text=True,
+        timeout=HANG,
+    )
+    assert done.returncode == 130 and "Traceback" not in done.stderr, done.stderr
+    assert done.stderr.count("Interrupted: ") == 1, done.stderr
+    assert done.stderr.endswith("--resume\n"), done.stderr
+    checkpoint = tmp_path / "m.checkpoint"
+    assert not [path.name for path in checkpoint.iterdir() if path.name.startswith(".")]
+    deformer.check_resumable(checkpoint, components=3, epochs=4)
+    status, _, err = run(*command, "--resume")
+    assert status == 0, err
+    assert deformer.load_model(tmp_path / "m").summary["epochs"] == 4
+    assert not checkpoint.exists()
