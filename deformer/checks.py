@@ -1,8 +1,8 @@
 """Checks of values that come from users and from files; whatever else is found is an InputError.
 
-Each function returns the value in the form that its caller computes with. `name` is what the
-message calls the value, an argument, or a file and the place inside it: any object, whose `str` is
-made for a message alone. `remedy` is what to do.
+Each function returns the value in the form that its caller computes with. In the message, `name`
+stands for the value: an argument, or a file and the place inside it. It may be any object; its
+`str` is called for a message alone. `remedy` tells the user what to do.
 """
 
 from __future__ import annotations

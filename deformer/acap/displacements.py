@@ -1,7 +1,7 @@
 """Where the connected components of a mesh are: features of the links between them.
 
 A component's own features do not say where it is. Link b = (i, j) has a gradient T_b of its own, in
-the place of a vertex, that says how far i is from where the gradients of i and j alone put it:
+the place of a vertex. It tells how far i is from where the gradients of i and j alone put it:
 
     p_i − p_j = ½ (T_i + T_j)(v_i − v_j) + (T_b − T_j) a,    a = (α, 0, 0).
 

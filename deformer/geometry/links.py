@@ -1,8 +1,8 @@
-"""Links between the connected components of a mesh: a tree that makes one whole of its pieces.
+"""Links between the connected components of a mesh: a tree that connects its pieces.
 
-An eye is no part of the surface of its head, and yet moves with it. A link is an edge between two
-components that are near each other; together they form the minimum spanning tree of the components
-under the distance between their nearest vertices.
+The surface of an eye is not connected to that of the head, and yet it moves with it. A link is an
+edge between two components that are near each other; together they form the minimum spanning tree
+of the components under the distance between their nearest vertices.
 """
 
 from __future__ import annotations

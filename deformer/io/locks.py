@@ -20,10 +20,10 @@ _held: set[tuple[int, Path]] = set()  # thread and output
 def locked(path: PathLike, wait: float = 0.0) -> Iterator[None]:
     """Keep other processes, and other threads, from writing `path` while the block runs.
 
-    It binds those that ask for the lock, too; readers need none. The system releases the lock when
-    its process ends, however it ends. The lock is an empty hidden file beside `path`, removed after
-    the block; where only `path` itself can be written to, as to a mounted directory, it is inside.
-    A block within a block of the same thread and output has the lock already.
+    Only writers that ask for the lock are kept out; readers need none. The system releases the lock
+    when its process ends, however it ends. The lock is an empty hidden file beside `path`, removed
+    after the block; where only `path` itself can be written to, as to a mounted directory, it is
+    inside. A thread that has the lock may enter another block for the same output.
 
     Args:
         path: the file or directory; its parent must exist.
@@ -59,7 +59,7 @@ def locked(path: PathLike, wait: float = 0.0) -> Iterator[None]:
         yield
     finally:
         _held.discard(key)
-        # Before the release: who then waits for this file finds that it is gone, and makes another.
+        # Before the release, so that a process that waits finds the file gone and makes another.
         with contextlib.suppress(OSError):
             file.unlink()
         lock.release()

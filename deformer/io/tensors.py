@@ -25,7 +25,7 @@ def read_tensors(path: Path) -> dict[str, NDArray]:
     """Arrays of a file by their names.
 
     Raises:
-        InputError: the file is missing or damaged; a declared size that is not the file's is both.
+        InputError: the file is missing or damaged, or its size is not the one that it declares.
     """
     _check_header(path)
     try:

@@ -1,4 +1,4 @@
-"""What the connectivity of the shapes has: pieces, borders, seams, faces that disagree."""
+"""Findings about connectivity: pieces, borders, seams, faces of opposite orientation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _DEGENERATE_AREA = 1e-12
 def examine_connectivity(
     faces: IntArray, vertex_count: int, facts: dict[str, Any], findings: list[Finding]
 ) -> None:
-    """Add what holds for faces (F, 3) wherever their vertices lie."""
+    """Add facts and findings that depend on the faces (F, 3) alone, not on positions."""
     isolated = isolated_vertices(faces, vertex_count)
     # A vertex without a face is a component of its own to the graph.
     components = connected_components(faces, vertex_count)[0] - len(isolated)
@@ -90,7 +90,7 @@ def examine_connectivity(
 def examine_places(
     shapes: MeshSequence, label: Labels, facts: dict[str, Any], findings: list[Finding]
 ) -> None:
-    """Add faces of shape 0 without area, and vertices that lie on another."""
+    """Add facts and findings about faces of shape 0 without area, and coincident vertices."""
     degenerate = np.flatnonzero(_without_area(shapes.vertices[0], shapes.faces))
     first = same_place(shapes.vertices[:1])
     coincident = np.flatnonzero(first != np.arange(len(first)))

@@ -24,8 +24,8 @@ _UNITS = (
     (2.54, "inches", "centimetres"),
 )
 _UNIT_TOLERANCE = 0.1
-# A size that no unit explains is worth a word from this factor on; and sizes that other shapes come
-# near to, within this factor, are a motion.
+# A size that no unit explains is reported from the factor _OTHER_SIZE on. Sizes without a gap of
+# the factor _GAP between them belong to one motion.
 _OTHER_SIZE = 4.0
 _GAP = 1.6
 # Typical edge over the radius of the shape: that of vertices in random order, at least.
@@ -36,8 +36,8 @@ _NEARER = 0.5
 _BESIDE = 2.0
 # Part of the vertices from which on those far off are taken for vertices in another order.
 _MANY = 0.1
-# Thickness over the usual one that counts as none, and the least usual thickness over the length:
-# a set of flat shapes is what it is.
+# A shape is pressed flat if its thickness over the usual one is below _FLAT. The usual thickness
+# over the length must be above _THICK: in a set of flat shapes, none is a defect.
 _FLAT, _THICK = 1e-2, 1e-2
 # Thickness over the length that is rounding alone.
 _LINE = 1e-9
@@ -101,7 +101,7 @@ def _order(label: Labels, n: int, off: IntArray | None, reason: str) -> Finding:
 
 
 def _exchanged(measures: Statistics, n: int, long: IntArray) -> IntArray:
-    """Those of the vertices `long` in whose place most of them lie: none if few do.
+    """All of the vertices `long` if most of their places are taken by others of them, else none.
 
     The place of a vertex is the middle of its neighbours.
     """
@@ -121,7 +121,7 @@ def _exchanged(measures: Statistics, n: int, long: IntArray) -> IntArray:
 def _elsewhere(measures: Statistics, n: int, long: IntArray) -> IntArray:
     """Those of the vertices `long` that lie beside vertices far from them on the surface.
 
-    None unless they are most, and two at least. So they lie where an order is shifted: there, all
+    None unless they are most of `long`, and at least two. An order that is shifted gives this: all
     but a few vertices are near their neighbours nevertheless.
     """
     p, pairs = measures.shapes.vertices[n], measures.edges
@@ -285,7 +285,7 @@ def _has_two_sides(measures: Statistics, n: int) -> bool:
 
 
 def _lost_lengths(measures: Statistics, n: int) -> bool:
-    """True if more edges are shorter than half the usual than the usual shape has."""
+    """True if more than a twentieth of the edges are shorter than half their usual lengths."""
     p, pairs = measures.shapes.vertices[n], measures.edges
     found = np.linalg.norm(p[pairs[:, 0]] - p[pairs[:, 1]], axis=1)
     # Lengths cannot grow when a shape is pressed flat: the longest ones tell the scale.

@@ -2,7 +2,7 @@
 
 What training sees of a turn is the local rotations: shapes are compared by the mean over faces of
 the rotation from one to the other, tr(Pᵀ C) / 3 with C = 1/f Σ_i F_ni F_miᵀ, F the faces' frames.
-A motion of the whole, P, is one where that is near 1.
+Where that is near 1, the shapes differ by the rotation P of the whole.
 """
 
 from __future__ import annotations
@@ -25,11 +25,12 @@ from deformer.preflight.report import Finding, Labels
 from deformer.preflight.statistics import Statistics, evenly, face_frames
 
 LARGE_ROTATION = np.pi / 2
-# Aligning helps if it brings local rotations this much closer to those of shape 0, those of a
-# turned shape and those of all. Of shapes that bend far it brings them closer and harms.
+# Aligning helps if it multiplies the distance from shape 0's local rotations by at most these
+# factors: that of a turned shape, and the sum over all shapes. Where shapes bend far, aligning
+# harms although it brings them a little closer.
 _CLOSER, _ALL_CLOSER = 0.5, 1 / 3
-# A shape's axes are mixed up if undoing it brings its local rotations this much closer to those of
-# some other shape, and most shapes have no such doubt.
+# A shape's axes are mixed up if undoing it multiplies the distance of its local rotations from
+# those of the nearest shape by less than _MUCH_CLOSER, and at most _FEW of all shapes are so.
 _MUCH_CLOSER = 0.4
 _FEW = 0.3
 _LEFT_OVER = np.radians(20.0)

@@ -1,4 +1,4 @@
-"""Repairs of sets of shapes, where they are safe: each says what it did, or why it did nothing."""
+"""Safe repairs of sets of shapes: each reports what it did, or why it did nothing."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from deformer.preflight.report import Finding, Labels, Report
 from deformer.preflight.statistics import Statistics
 from deformer.preflight.vertex_order import find_order
 
-# A shape with two defects, as another unit and other axes, needs two rounds.
+# A shape with two defects, such as another unit and other axes, needs two rounds.
 _ROUNDS = 4
 _TEMPLATES = 4
 
@@ -84,7 +84,7 @@ class _Work:
         self._hopeless: set[int] = set()
 
     def mend_shapes(self, report: Report) -> bool:
-        """Undo what single shapes have; true if anything was done."""
+        """Repair single shapes by the findings of `report`; true if anything was done."""
         vertices = self.shapes.vertices.copy()
         before = len(self.changed), len(self.done)
         for finding in report.findings:
@@ -115,7 +115,7 @@ class _Work:
         sound = np.array([m for m in range(len(self.shapes)) if m not in faulty], dtype=np.int64)
         found = None
         if len(sound):
-            # The nearest in the sequence are likeliest alike.
+            # Shapes near each other in a sequence are the most alike.
             sound = sound[np.argsort(np.abs(sound - n), kind="stable")][:_TEMPLATES]
             measures = Statistics.measure(self.shapes.subset(sound))
             everything = np.arange(vertices.shape[1])

@@ -18,10 +18,10 @@ _SHAPES = 33
 _FACES, _EDGES = 2000, 4000
 # Edges shorter than this part of the typical edge count as that long: their noise says nothing.
 _SHORTEST = 0.01
-# A vertex is far off if all its edges are this many times as long as usual, and it lies as many
-# usual edges and this many radii of the shape away from the middle of its neighbours: a surface
-# that stretches keeps it in the middle. It may have changed places with another
-# if its edges are long in the geometric mean, in which each counts up to a bound.
+# A vertex is far off if all its edges are _FAR_EDGES times as long as usual, and its distance from
+# the middle of its neighbours is as many usual edges and _FAR_DISTANCE radii of the shape: where a
+# surface stretches, a vertex stays in the middle. A vertex may have changed places with another if
+# the geometric mean of its edges, each cut off at _BOUND, is _LONG_EDGES times the usual one.
 _FAR_EDGES = 2.5
 _LONG_EDGES, _BOUND = 1.8, 8.0
 _FAR_DISTANCE = 0.05
@@ -152,8 +152,8 @@ def _relative(lengths: FloatArray) -> FloatArray:
 def face_frames(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """Orthonormal frames (N, 3, 3f) of faces (f, 3): edge, normal × edge, normal as columns.
 
-    A face without area has zero columns. For shapes n and m, frames[n] @ frames[m].T / 3f … is the
-    sum over faces of the rotations from m to n.
+    A face without area has zero columns. For shapes n and m, frames[n] @ frames[m].T is the sum
+    over faces of the rotations from m to n.
 
     Args:
         vertices: (N, V, 3).

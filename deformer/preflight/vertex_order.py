@@ -18,15 +18,17 @@ from deformer.geometry import FloatArray, IntArray, closest_rotations, procruste
 _STEPS = 10
 # Weights of mutually nearest points, against 1 for an edge, over the steps.
 _FIRST_PULL, _LAST_PULL = 0.05, 5.0
-# Vertices that an assignment of all to all is quick for.
+# Largest number of vertices without a mutually nearest point that are assigned: the time grows with
+# the cube of it.
 _MOST_UNSURE = 2000
 # Of these parts of the edges, a shape put in order may differ from the usual lengths this much more
 # than sound shapes do, in logarithms.
 _QUANTILES = np.array([0.5, 0.9, 0.995])
 _MARGINS = np.array([0.01, 0.03, 0.1])
-# No edge may differ by more than this beyond that.
+# No edge may differ by more than the last of these limits plus this.
 _NEVER = 1.5
-# Vertices at edges that differ by this part of it are looked at again, so many times.
+# Vertices at edges that differ by more than _DOUBT times the last limit are assigned again, in at
+# most _ROUNDS rounds.
 _DOUBT = 0.6
 _ROUNDS = 8
 

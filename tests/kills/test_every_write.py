@@ -82,10 +82,13 @@ def die_at(step):
             os.kill(os.getpid(), signal.SIGKILL)
     sys.addaudithook(hook)
 
+def names():
+    return sorted(map(str, Path().rglob("*")))
+
 found, step, killed = [], 0, True
 work.write(0)
 work.write(1)
-names = sorted(os.listdir())
+whole = names()
 while killed:
     step += 1
     work.write(0)
@@ -100,7 +103,7 @@ while killed:
     found.append(work.read())
     # Whoever writes next removes what the killed one has left.
     work.write(1)
-    assert sorted(os.listdir()) == names and work.read() == 1, (step, os.listdir())
+    assert names() == whole and work.read() == 1, (step, names())
 print(json.dumps(found))
 """
 
