@@ -36,6 +36,8 @@ from deformer.training.sparse_components import Factorisation, LocalisedSettings
 _SATURATED = 0.99
 # Least weight of sparsity from d_max on, for data of unit variance.
 _FAR_SPARSITY = 2.0
+# Candidate ridges of the links' rows, relative to the codes' largest squared singular value.
+_RIDGES = (*np.logspace(-10, 0, 11), np.inf)
 # Features of a vertex without rotation and stretch.
 _UNDEFORMED = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
 
@@ -46,6 +48,7 @@ def factor(
     geodesics: Geodesics | SiteGeodesics,
     config: ModelConfig,
     *,
+    links: int = 0,
     checkpoint: Path | None = None,
     resume: bool = False,
     on_progress: ProgressCallback | None = None,
@@ -57,6 +60,7 @@ def factor(
         scaler: their scaling; the undeformed shape's features give the decoder's bias.
         geodesics: distances over the reference, for Λ.
         config: configuration, whose `training` is a `FactorisationSettings` with a sparsity.
+        links: number B of the last rows of x that are those of links.
         checkpoint: folder written every half minute and at the end, or None.
         resume: continue from `checkpoint`; the result is that of an uninterrupted training.
         on_progress: called after every round.
@@ -88,8 +92,41 @@ def factor(
         resume=resume,
         on_progress=on_progress,
     )
+    fit_links(problem, links)
     terms = problem.terms()
     return TrainingResult(_weights(problem, unit, bias), sum(terms), terms[0], *outcome)
+
+
+def fit_links(problem: Factorisation, links: int) -> None:
+    """Fit rows of the last B sites to the codes by ridge regression, where that is better.
+
+    Where a piece is may depend on components anywhere, and errors of links add up along their tree.
+    A row that is sparse and local is therefore replaced by that of ridge regression if the latter's
+    leave-one-out error, for the best ridge, is less than the former's residual.
+
+    Args:
+        problem: a factorisation; its components change.
+        links: B; 0 changes nothing.
+    """
+    if links == 0:
+        return
+    data = problem.data[:, -links:].astype(np.float64)
+    U, s, Vt = np.linalg.svd(problem.W.astype(np.float64), full_matrices=False)
+    coefficients = np.einsum("nk,nbd->kbd", U, data)
+    C = problem.C.reshape(len(problem.C), -1, FEATURES)
+    rows = C[:, -links:].astype(np.float64)
+    best = np.square(data - np.einsum("nk,kbd->nbd", problem.W, rows)).sum(axis=(0, 2))
+    for ridge in _RIDGES:
+        share = np.divide(s**2, s**2 + ridge * s[0] ** 2, out=np.zeros_like(s), where=s > 0)
+        slope = np.divide(share, s, out=np.zeros_like(s), where=s > 0)
+        residual = data - np.einsum("nk,kbd->nbd", U * share, coefficients)
+        left_out = residual / np.maximum(1.0 - (U**2) @ share, 1e-6)[:, None, None]
+        error = np.square(left_out).sum(axis=(0, 2))
+        better = error < best
+        best = np.where(better, error, best)
+        found = np.einsum("kj,kbd->jbd", Vt * slope[:, None], coefficients[:, better])
+        rows[:, better] = found
+    C[:, -links:] = rows.astype(C.dtype)
 
 
 class _Rounds:

@@ -159,6 +159,11 @@ class Factorisation:
         self._penalty = np.zeros((count, self._sites), dtype=X.dtype)
         self._dual = np.zeros_like(self.C)
 
+    @property
+    def data(self) -> NDArray:
+        """The data X (N, M, D)."""
+        return self._X.reshape(len(self._X), self._sites, -1)
+
     def start(self) -> None:
         """Initialise the unknowns by greedy deflation."""
         residual = self._X.reshape(len(self._X), self._sites, -1).copy()

@@ -161,7 +161,8 @@ class TrainingSet:
         """
         if isinstance(config.training, FactorisationSettings):
             distances = SiteGeodesics(self.geodesics)
-            return factor(self.x, self.scaler, distances, config, **options)
+            links = len(self.reference.links)
+            return factor(self.x, self.scaler, distances, config, links=links, **options)
         # The import of torch takes seconds, and only Adam needs it.
         from deformer.training.adam import fit
 

@@ -179,7 +179,7 @@ def train(
         _kept_if_cut_short(checkpoint),
     ):
         sequence = _load_shapes(shapes)
-        _refuse_unusable(shapes, sequence)
+        advice = _refuse_unusable(shapes, sequence)
         parts = io.load_split(split, len(sequence)) if split else None
         with console.training_progress() as report:
             model = deformer.train(
@@ -208,6 +208,8 @@ def train(
         console.note(f"To go on: {_command_to_resume()}")
         raise console.Interrupted
     console.note(f"Saved {output}.")
+    for message in advice:
+        console.note(message)
 
 
 @app.command(epilog=examples("deformer info", "deformer info humanoid", "deformer info walk-model"))
@@ -453,21 +455,26 @@ def _load_shapes(path: Path) -> MeshSequence:
         return deformer.load_shapes(path, report)
 
 
-def _refuse_unusable(path: Path, shapes: MeshSequence) -> None:
-    """Print warnings, and that shapes are few; raise InputError if `examine` finds an error."""
+def _refuse_unusable(path: Path, shapes: MeshSequence) -> list[str]:
+    """Print warnings of `examine`; raise InputError if it finds an error.
+
+    Returns:
+        Advice for the end: that shapes are few.
+    """
     from deformer import InputError, examine
     from deformer_app.cli.check import file_names
 
     report = examine(shapes, file_names(path))
     errors = [finding.message for finding in report.findings if finding.severity == "error"]
     for finding in report.findings:
-        if finding.severity == "warning" or (finding.kind == "few" and report.usable):
+        if finding.severity == "warning":
             console.warn(finding.message)
     if not report.usable:
         reason = errors[0] if errors else "unusable"
         raise InputError(
             f"{path}: {reason} (all findings: deformer check {shlex.quote(str(path))})"
         )
+    return [finding.message for finding in report.findings if finding.kind == "few"]
 
 
 @contextmanager
