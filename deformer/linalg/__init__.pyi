@@ -10,6 +10,9 @@ from .levenberg_marquardt import (
 from .nested_dissection import (
     Dissection as Dissection,
 )
+from .ridge import (
+    ridge_regressions as ridge_regressions,
+)
 from .sparse_cholesky import (
     SparseCholesky as SparseCholesky,
 )

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from deformer.checks import LARGEST, checked_array, checked_number
 from deformer.errors import InputError
 from deformer.geometry import FloatArray
+from deformer.linalg import ridge_regressions
 
 # Standard deviation assumed before any example is seen (rad, diagonals), and the number of examples
 # that this assumption weighs as much as.
@@ -154,16 +155,12 @@ def _regression(
         Offset (3,), gain (3, K), and leave-one-out residuals (N, 3).
     """
     mean = codes.mean(axis=0)
-    U, s, Vt = np.linalg.svd(codes - mean, full_matrices=False)
     centred = translations - translations.mean(axis=0)
-    candidates = []
-    for ridge in _RIDGES:
-        share = np.divide(s**2, s**2 + ridge * s[0] ** 2, out=np.zeros_like(s), where=s > 0)
-        residual = centred - U @ (share[:, None] * (U.T @ centred))
-        influence = 1.0 / len(codes) + (U**2) @ share
-        left_out = residual / np.maximum(1.0 - influence, 1e-9)[:, None]
-        slope = np.divide(share, s, out=np.zeros_like(s), where=s > 0)
-        error = float((left_out**2).sum())
-        candidates.append((error, (Vt.T * slope @ (U.T @ centred)).T, left_out))
+    candidates = [
+        (float((left_out**2).sum()), slope.T, left_out)
+        for slope, left_out in ridge_regressions(
+            codes - mean, centred, _RIDGES, centred=True, least=1e-9
+        )
+    ]
     _, gain, left_out = min(candidates, key=lambda entry: entry[0])
     return translations.mean(axis=0) - gain @ mean, gain, left_out

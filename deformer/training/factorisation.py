@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from deformer.acap import FeatureScaler
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, Geodesics, SiteGeodesics
+from deformer.linalg import ridge_regressions
 from deformer.network import (
     FEATURES,
     ConvolutionWeights,
@@ -110,22 +111,17 @@ def fit_links(problem: Factorisation, links: int) -> None:
     """
     if links == 0:
         return
+    W = problem.W.astype(np.float64)
     data = problem.data[:, -links:].astype(np.float64)
-    U, s, Vt = np.linalg.svd(problem.W.astype(np.float64), full_matrices=False)
-    coefficients = np.einsum("nk,nbd->kbd", U, data)
     C = problem.C.reshape(len(problem.C), -1, FEATURES)
     rows = C[:, -links:].astype(np.float64)
-    best = np.square(data - np.einsum("nk,kbd->nbd", problem.W, rows)).sum(axis=(0, 2))
-    for ridge in _RIDGES:
-        share = np.divide(s**2, s**2 + ridge * s[0] ** 2, out=np.zeros_like(s), where=s > 0)
-        slope = np.divide(share, s, out=np.zeros_like(s), where=s > 0)
-        residual = data - np.einsum("nk,kbd->nbd", U * share, coefficients)
-        left_out = residual / np.maximum(1.0 - (U**2) @ share, 1e-6)[:, None, None]
-        error = np.square(left_out).sum(axis=(0, 2))
+    best = np.square(data - np.einsum("nk,kbd->nbd", W, rows)).sum(axis=(0, 2))
+    flat = data.reshape(len(data), -1)
+    for found, left_out in ridge_regressions(W, flat, _RIDGES, centred=False, least=1e-6):
+        error = np.square(left_out.reshape(data.shape)).sum(axis=(0, 2))
         better = error < best
         best = np.where(better, error, best)
-        found = np.einsum("kj,kbd->jbd", Vt * slope[:, None], coefficients[:, better])
-        rows[:, better] = found
+        rows[:, better] = found.reshape(rows.shape)[:, better]
     C[:, -links:] = rows.astype(C.dtype)
 
 
