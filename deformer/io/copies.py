@@ -12,6 +12,7 @@ from deformer.errors import InputError
 from deformer.geometry import IntArray, Mesh, MeshSequence
 from deformer.io.atomic import PathLike, atomic_directory, check_directory
 from deformer.io.meshes import save_mesh, shape_files, write_npz
+from deformer.io.npz import read_npz
 
 
 def check_copy(source: PathLike, folder: PathLike) -> None:
@@ -75,8 +76,7 @@ def save_copy(
 
 
 def _copy_npz(source: Path, target: Path, shapes: MeshSequence, kept: IntArray) -> None:
-    with np.load(source, allow_pickle=False) as archive:
-        arrays = {name: archive[name] for name in archive.files}
+    arrays = read_npz(source, ("vertices", "faces"), others=True)
     old = arrays["vertices"]
     V = old.shape[-2]
     if len(kept) < V:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import warnings
 import zipfile
 from pathlib import Path
 from typing import IO
 
 import numpy as np
 
+from deformer.checks import shortened
 from deformer.errors import InputError
 from deformer.io.atomic import check_file
 
@@ -18,12 +20,13 @@ _MOST_SHRUNK = 25
 _BYTES_OF_NUMBER = 8  # once they are float64 or int64
 
 
-def read_npz(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
+def read_npz(path: Path, names: tuple[str, ...], *, others: bool = False) -> dict[str, np.ndarray]:
     """Arrays of an NPZ file.
 
     Args:
         path: the file.
-        names: the arrays to read; all others are ignored.
+        names: the arrays that must be there.
+        others: read all others, too; else they are ignored.
 
     Raises:
         InputError: the file is missing, is no archive or damaged, lacks an array, or an array is
@@ -42,7 +45,13 @@ def read_npz(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
                     )
             room = max(_MOST_UNPACKED, _MOST_SHRUNK * path.stat().st_size) // _BYTES_OF_NUMBER
             arrays: dict[str, np.ndarray] = {}
-            for name in names:
+            rest = [member.removesuffix(".npy") for member in members] if others else []
+            for name in dict.fromkeys([*names, *rest]):
+                if f"{name}.npy" not in members:
+                    raise InputError(
+                        f"{path}: holds {shortened(name)}, which is no array; save it again with "
+                        "numpy.savez"
+                    )
                 info = members[f"{name}.npy"]
                 with archive.open(info) as stream:
                     arrays[name] = _read_array(
@@ -62,6 +71,12 @@ def read_npz(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
 
 def _read_array(stream: IO[bytes], size: int, room: int, label: str) -> np.ndarray:
     """The array of a member of `size` bytes, of at most `room` numbers, if its header says so."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of headers as Python 2 wrote them
+        return _checked_array(stream, size, room, label)
+
+
+def _checked_array(stream: IO[bytes], size: int, room: int, label: str) -> np.ndarray:
     try:
         version = np.lib.format.read_magic(stream)
         reader = {

@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -165,6 +163,7 @@ def train(
     """
     import deformer
     from deformer import io
+    from deformer_app.cli import training_guards as guards
 
     refuse_inputs(output, shapes, split)
     options: dict[str, Any] = {
@@ -175,11 +174,11 @@ def train(
         "seed": seed,
     }
     with (
-        _outputs(output, options if resume else None) as checkpoint,
-        _kept_if_cut_short(checkpoint),
+        guards.outputs(output, options if resume else None) as checkpoint,
+        guards.kept_if_cut_short(checkpoint),
     ):
         sequence = _load_shapes(shapes)
-        advice = _refuse_unusable(shapes, sequence)
+        advice = guards.refuse_unusable(shapes, sequence)
         parts = io.load_split(split, len(sequence)) if split else None
         with console.training_progress() as report:
             model = deformer.train(
@@ -195,7 +194,7 @@ def train(
         try:
             model.save(output)
         except deformer.InputError as error:
-            raise deformer.InputError(f"{error}; {_how_to_go_on(checkpoint)}") from error
+            raise deformer.InputError(f"{error}; {guards.how_to_go_on(checkpoint)}") from error
         interrupted = bool(model.summary.get("interrupted"))
         if not interrupted:
             deformer.remove_checkpoint(checkpoint)
@@ -205,7 +204,7 @@ def train(
         console.show_facts(f"{output}", model.summary)
     if interrupted:
         console.note(f"Interrupted: saved the best model so far to {output}.")
-        console.note(f"To go on: {_command_to_resume()}")
+        console.note(f"To go on: {guards.command_to_resume()}")
         raise console.Interrupted
     console.note(f"Saved {output}.")
     for message in advice:
@@ -453,86 +452,6 @@ def _load_shapes(path: Path) -> MeshSequence:
 
     with console.progress("loading") as report:
         return deformer.load_shapes(path, report)
-
-
-def _refuse_unusable(path: Path, shapes: MeshSequence) -> list[str]:
-    """Print warnings of `examine`; raise InputError if it finds an error.
-
-    Returns:
-        Advice for the end: that shapes are few.
-    """
-    from deformer import InputError, examine
-    from deformer_app.cli.check import file_names
-
-    report = examine(shapes, file_names(path))
-    errors = [finding.message for finding in report.findings if finding.severity == "error"]
-    for finding in report.findings:
-        if finding.severity == "warning":
-            console.warn(finding.message)
-    if not report.usable:
-        reason = errors[0] if errors else "unusable"
-        raise InputError(
-            f"{path}: {reason} (all findings: deformer check {shlex.quote(str(path))})"
-        )
-    return [finding.message for finding in report.findings if finding.kind == "few"]
-
-
-@contextmanager
-def _outputs(output: Path, resume: dict[str, Any] | None) -> Iterator[Path]:
-    """Keep other processes from the model's directory while it is trained; check it first.
-
-    Args:
-        output: the model's directory.
-        resume: options of the training that goes on from the checkpoint; None starts anew.
-
-    Yields:
-        The directory of the checkpoints.
-    """
-    import deformer
-    from deformer import io
-
-    if output.name in ("", ".."):  # as of "."
-        output = output.resolve()
-    checkpoint = output.parent / f"{output.name}.checkpoint"
-    if resume is not None:
-        deformer.check_resumable(checkpoint, **resume)
-    output.parent.mkdir(parents=True, exist_ok=True)
-    deformer.check_model_folder(output)
-    with io.locked(output):
-        deformer.check_checkpoint(checkpoint)
-        if resume is None and deformer.has_checkpoint(checkpoint):
-            console.warn(f"replacing the checkpoint {checkpoint}; --resume would go on from it")
-        yield checkpoint
-
-
-@contextmanager
-def _kept_if_cut_short(checkpoint: Path) -> Iterator[None]:
-    """Say what is kept if Ctrl-C or a failure to write ends the block, and how to go on."""
-    import deformer
-
-    try:
-        yield
-    except KeyboardInterrupt:
-        if deformer.has_checkpoint(checkpoint):
-            console.note(f"Interrupted: {_how_to_go_on(checkpoint)}")
-        else:
-            console.note("Interrupted: nothing was finished yet.")
-        raise console.Interrupted from None
-    except OSError as error:
-        if not deformer.has_checkpoint(checkpoint):
-            raise
-        raise deformer.InputError(
-            f"{error.filename or 'system'}: {error.strerror or error}; {_how_to_go_on(checkpoint)}"
-        ) from error
-
-
-def _how_to_go_on(checkpoint: Path) -> str:
-    return f"what is finished is kept in {checkpoint}; to go on: {_command_to_resume()}"
-
-
-def _command_to_resume() -> str:
-    arguments = [*sys.argv[1:], *([] if "--resume" in sys.argv else ["--resume"])]
-    return shlex.join(["deformer", *arguments])
 
 
 def _describe(model: DeformationModel) -> dict[str, Any]:

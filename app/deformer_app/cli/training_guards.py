@@ -1,0 +1,90 @@
+"""What guards `deformer train`: its shapes and outputs, and what is kept where it is cut short."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import deformer
+from deformer import InputError, MeshSequence, io
+from deformer_app import console
+
+
+def refuse_unusable(path: Path, shapes: MeshSequence) -> list[str]:
+    """Print warnings of `examine`; raise InputError if it finds an error.
+
+    Returns:
+        Advice for the end: that shapes are few.
+    """
+    from deformer_app.cli.check import file_names
+
+    report = deformer.examine(shapes, file_names(path))
+    errors = [finding.message for finding in report.findings if finding.severity == "error"]
+    for finding in report.findings:
+        if finding.severity == "warning":
+            console.warn(finding.message)
+    if not report.usable:
+        reason = errors[0] if errors else "unusable"
+        raise InputError(
+            f"{path}: {reason} (all findings: deformer check {shlex.quote(str(path))})"
+        )
+    return [finding.message for finding in report.findings if finding.kind == "few"]
+
+
+@contextmanager
+def outputs(output: Path, resume: dict[str, Any] | None) -> Iterator[Path]:
+    """Keep other processes from the model's directory while it is trained; check it first.
+
+    Args:
+        output: the model's directory.
+        resume: options of the training that goes on from the checkpoint; None starts anew.
+
+    Yields:
+        The directory of the checkpoints.
+    """
+    if output.name in ("", ".."):  # as of "."
+        output = output.resolve()
+    checkpoint = output.parent / f"{output.name}.checkpoint"
+    if resume is not None:
+        deformer.check_resumable(checkpoint, **resume)
+    output.parent.mkdir(parents=True, exist_ok=True)
+    deformer.check_model_folder(output)
+    with io.locked(output):
+        deformer.check_checkpoint(checkpoint)
+        if resume is None and deformer.has_checkpoint(checkpoint):
+            console.warn(f"replacing the checkpoint {checkpoint}; --resume would go on from it")
+        yield checkpoint
+
+
+@contextmanager
+def kept_if_cut_short(checkpoint: Path) -> Iterator[None]:
+    """Say what is kept if Ctrl-C or a failure to write ends the block, and how to go on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if deformer.has_checkpoint(checkpoint):
+            console.note(f"Interrupted: {how_to_go_on(checkpoint)}")
+        else:
+            console.note("Interrupted: nothing was finished yet.")
+        raise console.Interrupted from None
+    except OSError as error:
+        if not deformer.has_checkpoint(checkpoint):
+            raise
+        raise InputError(
+            f"{error.filename or 'system'}: {error.strerror or error}; {how_to_go_on(checkpoint)}"
+        ) from error
+
+
+def how_to_go_on(checkpoint: Path) -> str:
+    """What is kept of a training that was cut short, and the command that goes on from it."""
+    return f"what is finished is kept in {checkpoint}; to go on: {command_to_resume()}"
+
+
+def command_to_resume() -> str:
+    """The command that goes on from the checkpoint of this one."""
+    arguments = [*sys.argv[1:], *([] if "--resume" in sys.argv else ["--resume"])]
+    return shlex.join(["deformer", *arguments])
