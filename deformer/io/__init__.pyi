@@ -1,13 +1,17 @@
 from .atomic import (
-    atomic_directory as atomic_directory,
     atomic_path as atomic_path,
-    check_directory as check_directory,
     check_output_file as check_output_file,
     read_bytes as read_bytes,
 )
 from .copies import (
     check_copy as check_copy,
     save_copy as save_copy,
+)
+from .directories import (
+    atomic_directory as atomic_directory,
+    begins_with as begins_with,
+    check_directory as check_directory,
+    digest as digest,
 )
 from .json_files import (
     HandleFile as HandleFile,

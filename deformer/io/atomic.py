@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import functools
 import hashlib
 import os
@@ -12,9 +11,8 @@ import re
 import secrets
 import shutil
 import stat
-import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -23,9 +21,6 @@ from deformer.errors import InputError
 
 PathLike = str | os.PathLike[str]
 
-# Arguments of Linux's renameat2: paths are relative to the working directory; exchange the two.
-_HERE, _EXCHANGE = -100, 2
-_LINUX = sys.platform == "linux"
 # Age from which a temporary file that another system has begun is taken to be abandoned.
 _ABANDONED_SECONDS = 3600.0
 
@@ -39,7 +34,8 @@ def check_file(path: Path) -> None:
     try:
         status = path.stat()
     except FileNotFoundError:
-        raise InputError(f"{path}: does not exist; check the path") from None
+        what = "is a link to a file that does not exist" if path.is_symlink() else "does not exist"
+        raise InputError(f"{path}: {what}; check the path") from None
     except (OSError, ValueError) as error:  # ValueError: a null character in the name
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{path}: cannot be read ({reason}); check the path") from error
@@ -70,7 +66,7 @@ def check_parent(target: Path) -> None:
         raise InputError(f"{target}: directory {target.parent} is not writable; choose another")
 
 
-def _temporary_name(target: Path) -> Path:
+def temporary_name(target: Path) -> Path:
     """A free name in the directory of `target`; hidden, so that no loader reads it as data."""
     check_parent(target)
     name = f".{target.stem}-{_system()}-{os.getpid()}-{secrets.token_hex(4)}{target.suffix}"
@@ -88,7 +84,7 @@ def _system() -> str:
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:6]
 
 
-def _remove_abandoned(target: Path) -> None:
+def remove_abandoned(target: Path) -> None:
     """Remove temporary files and directories of `target` whose process was killed.
 
     Called once `target` is written: before, one of them may be the only version.
@@ -122,12 +118,16 @@ def _is_abandoned(path: Path, system: str, process: int) -> bool:
     return False
 
 
-def check_output_file(target: Path) -> None:
+def check_output_file(path: PathLike) -> None:
     """Raise the InputError that `atomic_path` would raise, before there is anything to write."""
-    checked_path(target, "path")
+    target = checked_path(path, "path")
     if target.is_dir():
         raise InputError(f"{target}: is a directory, expected a file name; choose another name")
-    _temporary_name(target)
+    if target.exists() and not target.is_file():
+        raise InputError(
+            f"{target}: is a pipe, socket or device, expected a file name; choose another name"
+        )
+    temporary_name(target)
 
 
 @contextmanager
@@ -141,118 +141,25 @@ def atomic_path(path: PathLike) -> Iterator[Path]:
         path: the file to write; its directory must exist.
 
     Raises:
-        InputError: the directory is missing or not writable, or `path` is a directory.
+        InputError: the directory is missing or not writable, or `path` is a directory,
+            pipe or device.
         OSError: writing failed; its `filename` is `path`.
     """
+    check_output_file(path)
     target = Path(path)
-    check_output_file(target)
-    temporary = _temporary_name(target)
+    temporary = temporary_name(target)
     try:
         yield temporary
         temporary.replace(target)
     except OSError as error:
-        _name_target(error, target, temporary)
+        name_target(error, target, temporary)
         raise
     finally:
         temporary.unlink(missing_ok=True)
-    _remove_abandoned(target)
+    remove_abandoned(target)
 
 
-def check_directory(path: PathLike, replaceable: Callable[[Path], bool]) -> None:
-    """Raise the InputError that `atomic_directory` would raise, before there is anything to write.
-
-    Args:
-        path, replaceable: as in `atomic_directory`.
-    """
-    _temporary_directory(_checked(path, replaceable)).rmdir()
-
-
-@contextmanager
-def atomic_directory(path: PathLike, replaceable: Callable[[Path], bool]) -> Iterator[Path]:
-    """Yield a temporary directory beside `path`; rename it to `path` when the block succeeds.
-
-    On Linux an old directory is exchanged for the new one in one step; elsewhere there is a moment
-    without one. Whatever ends the block or the renaming, `path` is the old or the new directory.
-
-    Args:
-        path: the directory to write; its parent must exist.
-        replaceable: true for an entry of an existing directory at `path` that may be lost. The old
-            directory is replaced, as a whole, only if this is true for all its entries.
-
-    Raises:
-        InputError: the parent is missing or not writable, `path` is a file or a mount point, or
-            an existing directory contains something else.
-        OSError: writing failed; its `filename` is `path`.
-    """
-    target = _checked(path, replaceable)
-    temporary = _temporary_directory(target)
-    try:
-        yield temporary
-        _put_in_place(temporary, target)
-    except OSError as error:
-        _name_target(error, target, temporary)
-        raise
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-    _remove_abandoned(target)
-
-
-def _put_in_place(temporary: Path, target: Path) -> None:
-    """Give a directory the name `target`; what had that name is then `temporary`, or gone."""
-    if not target.is_dir():
-        temporary.rename(target)
-        return
-    if _exchange(temporary, target):
-        return
-    # Between two renames there is no `target`: any exception and interrupt brings one back.
-    old = _temporary_name(target)
-    try:
-        target.rename(old)
-        temporary.rename(target)
-    finally:
-        if target.is_dir():
-            shutil.rmtree(old, ignore_errors=True)
-        else:
-            old.rename(target)
-
-
-def _exchange(one: Path, other: Path) -> bool:
-    """Exchange two names in one step; false where the system cannot."""
-    renameat2 = getattr(ctypes.CDLL(None), "renameat2", None) if _LINUX else None
-    paths = os.fsencode(one), os.fsencode(other)
-    return renameat2 is not None and not renameat2(_HERE, paths[0], _HERE, paths[1], _EXCHANGE)
-
-
-def _checked(path: PathLike, replaceable: Callable[[Path], bool]) -> Path:
-    """The directory `path` without links, trailing separator or dots, if it may be replaced."""
-    target = checked_path(path, "path")
-    if target.exists() and not target.is_dir():
-        raise InputError(f"{target}: is a file, expected a directory name; choose another name")
-    if os.path.ismount(target):
-        raise InputError(f"{target}: is a mount point; name a directory inside it")
-    if target.is_dir():
-        foreign = sorted(entry.name for entry in target.iterdir() if not replaceable(entry))
-        if foreign:
-            raise InputError(
-                f"{target}: already holds {foreign[0]!r}, expected an empty directory or one "
-                "written by the same command; choose another directory or move that file away"
-            )
-    return target.resolve()
-
-
-def _temporary_directory(target: Path) -> Path:
-    """A new directory beside `target`."""
-    temporary = _temporary_name(target)
-    try:
-        temporary.mkdir()
-    except OSError as error:  # a system that is read-only, full, or no place for directories
-        raise InputError(
-            f"{target}: cannot be created ({error.strerror}); choose another place"
-        ) from error
-    return temporary
-
-
-def _name_target(error: OSError, target: Path, temporary: Path) -> None:
+def name_target(error: OSError, target: Path, temporary: Path) -> None:
     """Make an error of writing to `temporary` one of `target`, for the reader of its message."""
     # A full disk is told without a file.
     if error.errno is not None and temporary.name in str(error.filename or temporary):

@@ -19,12 +19,12 @@ from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, Mesh, MeshSequence
 from deformer.io.atomic import (
     PathLike,
-    atomic_directory,
     atomic_path,
-    check_directory,
+    check_file,
     check_output_file,
     read_bytes,
 )
+from deformer.io.directories import atomic_directory, check_directory
 from deformer.io.glb import read_glb, write_glb
 from deformer.io.json_files import (
     HandleFile,
@@ -116,7 +116,8 @@ def shape_files(path: PathLike) -> list[Path]:
         path: as of `load_shapes`.
 
     Raises:
-        InputError: a directory without meshes, or with several formats.
+        InputError: a directory without meshes, with several formats, or with something named as a
+            mesh that is no file.
     """
     source = Path(path)
     return _shape_files(source) if source.is_dir() else [source]
@@ -158,8 +159,8 @@ def save_shapes(path: PathLike, shapes: MeshSequence, format: str = "ply") -> No
     """Write a sequence as one NPZ, or as a directory of files 0000, 0001, ….
 
     Args:
-        path: a file named .npz, or a directory. An existing directory is replaced as a whole if all
-            its files are named as this function names them.
+        path: a file named .npz, or a directory. An existing directory is replaced as a whole if
+            this function has written all its files.
         shapes: the sequence.
         format: "obj", "ply", "off", "stl" or "glb", for a directory; see `save_mesh` on precision.
 
@@ -228,7 +229,7 @@ def _shape_files(directory: Path) -> list[Path]:
         entry
         for entry in directory.iterdir()
         if entry.suffix.lower() in MESH_SUFFIXES and not entry.name.startswith(".")
-        if entry.is_file()
+        if not entry.is_dir()
     ]
     if not files:
         raise InputError(
@@ -238,6 +239,9 @@ def _shape_files(directory: Path) -> list[Path]:
     from natsort import natsorted
 
     files = natsorted(files, key=lambda file: file.name)
+    for file in files:
+        if not file.is_file():
+            check_file(file)
     first = files[0]
     for file in files:
         if file.suffix.lower() != first.suffix.lower():

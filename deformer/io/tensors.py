@@ -13,7 +13,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import load_file, save_file
 
 from deformer.errors import InputError
-from deformer.io.atomic import check_file
+from deformer.io.atomic import PathLike, atomic_path, check_file
 from deformer.io.json_values import JsonValue, parse_value
 
 # Bytes of the JSON header, which names the arrays. The largest that this program writes has a few
@@ -52,16 +52,27 @@ def read_metadata(path: Path, name: str) -> JsonValue:
 
 
 def write_tensors(
-    path: Path, arrays: Mapping[str, NDArray], metadata: dict[str, str] | None = None
+    path: PathLike, arrays: Mapping[str, NDArray], metadata: dict[str, str] | None = None
 ) -> None:
-    """Write arrays by name.
+    """Write arrays by name; an existing file is replaced once all is written.
+
+    Args:
+        path: the file; its directory must exist.
+        arrays: name → array.
+        metadata: name → text, in the file's header.
 
     Raises:
+        InputError: as `atomic_path` raises.
         OSError: writing failed.
     """
     contiguous = {name: np.asarray(array, order="C") for name, array in arrays.items()}
+    with atomic_path(path) as temporary:
+        _save(temporary, contiguous, metadata)
+
+
+def _save(path: Path, arrays: dict[str, NDArray], metadata: dict[str, str] | None) -> None:
     try:
-        save_file(contiguous, path, metadata)
+        save_file(arrays, path, metadata)
     except SafetensorError as error:  # a full disk, for example
         found = re.search(r"os error (\d+)", str(error))
         number = int(found[1]) if found else errno.EIO

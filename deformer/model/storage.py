@@ -22,6 +22,7 @@ from deformer.io import (
     JsonValue,
     atomic_directory,
     check_directory,
+    digest,
     load_mesh,
     locked,
     read_json,
@@ -41,6 +42,7 @@ from deformer.network import ModelConfig, NetworkWeights
 FORMAT_VERSION = 2
 _WAIT = 30.0  # seconds for another process that writes the same model
 _FILES = ("model.json", "reference.ply", "weights.safetensors")
+_CARD = ("README.md",)  # kept when a model is saved again
 _KEYS = (
     *("format", "connectivity", "vertices", "faces", "config", "scaler", "split", "summary"),
     *("rigid_prior", "handle_noise", "component_names", "sha256"),
@@ -53,21 +55,25 @@ def check_model_folder(path: str | Path) -> None:
     Raises:
         InputError: as `save_model` would raise.
     """
-    check_directory(path, _replaceable)
+    check_directory(path, _replaceable, _FILES[0], _CARD)
 
 
 def save_model(model: DeformationModel, path: str | Path) -> None:
-    """Write a model as a directory, replacing a model that is already there.
+    """Write a model as a directory, replacing a model that is already there, but for its README.md.
 
     Args:
         model: the model.
         path: the directory; its parent must exist.
 
     Raises:
-        InputError: the directory contains other files, or its parent does not exist.
+        InputError: the directory contains files that are no model's or that have changed since they
+            were saved, or its parent does not exist.
         OSError: writing failed.
     """
-    with locked(path, _WAIT), atomic_directory(path, _replaceable) as folder:
+    with (
+        locked(path, _WAIT),
+        atomic_directory(path, _replaceable, _FILES[0], _CARD) as folder,
+    ):
         save_mesh(folder / "reference.ply", model.reference)
         arrays: dict[str, NDArray] = {f"network.{k}": v for k, v in model.weights.arrays.items()}
         arrays["codes"] = model.codes
@@ -94,7 +100,7 @@ def save_model(model: DeformationModel, path: str | Path) -> None:
             "rigid_prior": model.rigid_prior.deviations if model.rigid_prior else None,
             "handle_noise": model.handle_noise,
             "component_names": _names_as_json(model.component_names),
-            "sha256": {name: _digest(folder / name) for name in _FILES[1:]},
+            "sha256": {name: digest(folder / name) for name in _FILES[1:]},
         }
         description["sha256"]["model.json"] = _digest_of_description(description)
         write_json(folder / "model.json", description)
@@ -102,7 +108,7 @@ def save_model(model: DeformationModel, path: str | Path) -> None:
 
 def _replaceable(entry: Path) -> bool:
     """True for a file of a model, which a new model replaces."""
-    return entry.name in (*_FILES, "README.md") and entry.is_file()
+    return entry.name in _FILES
 
 
 def _names_as_json(names: Mapping[int, str]) -> dict[str, str]:
@@ -263,7 +269,7 @@ def _check_digests(folder: Path, data: JsonValue) -> None:
     data["sha256"].check_keys(_FILES)
     for name in _FILES:
         path = folder / name
-        found = _digest_of_description(data.value) if name == "model.json" else _digest(path)
+        found = _digest_of_description(data.value) if name == "model.json" else digest(path)
         if found != data["sha256"][name].text():
             raise InputError(
                 f"{path}: altered since the model was saved (checksum differs); "
@@ -330,7 +336,3 @@ def _digest_of_description(data: dict[str, Any]) -> str:
     sums = {name: digest for name, digest in data["sha256"].items() if name != "model.json"}
     text = json.dumps({**data, "sha256": sums}, sort_keys=True, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -21,6 +21,7 @@ from deformer.errors import InputError
 from deformer.io import (
     JsonValue,
     atomic_path,
+    begins_with,
     check_directory,
     read_metadata,
     read_tensors,
@@ -33,10 +34,12 @@ _FORMAT = 1
 _FILE = "checkpoint.json"
 _STAGES = ("features", "trials")
 _REMEDY = "delete the checkpoint, or start without --resume"
-# Names of the files of a checkpoint, and of those that a killed process left half written.
-_WRITTEN = re.compile(
-    rf"(\.)?(checkpoint|epoch-\d{{7}}|{'|'.join(_STAGES)})(?(1)-[\da-f-]+)\.(json|safetensors)"
-)
+# Names of files of a checkpoint, with how these begin; last, what killed processes left of them.
+_WRITTEN = {
+    r"checkpoint\.json": rb'\{\s*"format": \d+,\s*"identity": ',
+    rf"(epoch-\d{{7}}|{'|'.join(_STAGES)})\.safetensors": rb'.{8}\{"__metadata__":\{"identity":',
+    rf"\.(checkpoint|epoch-\d{{7}}|{'|'.join(_STAGES)})-[\da-f-]+\.(json|safetensors)": b"",
+}
 
 
 def has_checkpoint(folder: str | Path) -> bool:
@@ -53,9 +56,9 @@ def check_checkpoint(folder: str | Path) -> None:
     """Check, before work starts, that checkpoints can be written to `folder`.
 
     Raises:
-        InputError: it holds other files, is a file, or cannot be created.
+        InputError: it holds files that are no checkpoint's, is a file, or cannot be created.
     """
-    check_directory(folder, _is_written)
+    check_directory(folder, _is_written, manifest=None)
 
 
 def remove_checkpoint(folder: str | Path) -> None:
@@ -71,7 +74,11 @@ def remove_checkpoint(folder: str | Path) -> None:
 
 
 def _is_written(path: Path) -> bool:
-    return path.is_file() and _WRITTEN.fullmatch(path.name) is not None
+    """True for a file of a checkpoint, by name and contents."""
+    return any(
+        re.fullmatch(name, path.name) and begins_with(path, beginning)
+        for name, beginning in _WRITTEN.items()
+    )
 
 
 def save_checkpoint(
@@ -89,13 +96,12 @@ def save_checkpoint(
     # The arrays have the epoch in their file name, and the JSON, written last, contains that name:
     # a crash between the two leaves the previous pair valid.
     name = _arrays_name(status["epoch"])
-    with atomic_path(folder / name) as path:
-        write_tensors(path, arrays)
+    write_tensors(folder / name, arrays, {"identity": json.dumps(identity)})
     text = json.dumps({"format": _FORMAT, "identity": identity, **status, "arrays": name}, indent=1)
     with atomic_path(folder / _FILE) as path:
         path.write_text(text + "\n")
     for old in folder.glob("epoch-*.safetensors"):
-        if old.name != name:
+        if old.name != name and _is_written(old):
             old.unlink()
 
 
@@ -199,8 +205,8 @@ class Stages:
         if self._folder is None:
             return
         self._folder.mkdir(parents=True, exist_ok=True)
-        with atomic_path(_stage(self._folder, name)) as path:
-            write_tensors(path, arrays, {"identity": json.dumps(self._identity)})
+        where = _stage(self._folder, name)
+        write_tensors(where, arrays, {"identity": json.dumps(self._identity)})
 
 
 def check_identity(folder: str | Path, identity: dict[str, Any]) -> None:

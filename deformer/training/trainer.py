@@ -131,10 +131,9 @@ def train(
     stages = Stages(folder, identity)
     handle_noise = None
     with locked(folder) if folder is not None else nullcontext():
-        if folder is not None:
+        if folder is not None and not resume:
             check_checkpoint(folder)
-            if not resume:
-                remove_checkpoint(folder)
+            remove_checkpoint(folder)
         if (kept := stages.load("features")) is not None:
             with blamed(Path(stages.place("features"))):
                 examples = TrainingSet.restore(kept, base.faces)

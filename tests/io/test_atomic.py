@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from deformer import InputError, io
-from deformer.io import atomic
+from deformer.io import atomic, directories
 
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="renameat2")
 
@@ -58,7 +58,7 @@ def test_where_it_takes_two_steps_neither_version_is_lost(target, monkeypatch, e
             raise error
         return found
 
-    monkeypatch.setattr(atomic, "_LINUX", False, raising=False)
+    monkeypatch.setattr(directories, "_LINUX", False, raising=False)
     with monkeypatch.context() as patch:
         patch.setattr(Path, "rename", failing)
         with pytest.raises(error):

@@ -726,7 +726,8 @@ def test_directory_of_our_own_files_is_replaced_as_a_whole(tmp_path):
     target.mkdir()
     io.save_shapes(target, awkward_shapes(5), format="obj")
     io.save_shapes(f"{target}/", awkward_shapes(2))
-    assert sorted(entry.name for entry in target.iterdir()) == ["0000.ply", "0001.ply"]
+    names = sorted(entry.name for entry in target.iterdir())
+    assert names == [".deformer.json", "0000.ply", "0001.ply"]
     assert list(tmp_path.iterdir()) == [target]
 
 

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from safetensors.numpy import save_file
 
 from deformer import InputError
 from deformer.training.checkpoints import (
     Stages,
     check_arrays,
     check_checkpoint,
-    has_checkpoint,
     load_checkpoint,
     remove_checkpoint,
     save_checkpoint,
@@ -34,14 +34,33 @@ def test_a_checkpoint_is_removed_with_what_a_killed_process_left_of_it(folder):
     remove_checkpoint(folder)  # nothing there
 
 
-@pytest.mark.parametrize("name", ["letter.txt", "weights.safetensors", "epoch-1.safetensors"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("letter.txt", "weights.safetensors", "epoch-1.safetensors"),
+        *("features.safetensors", "trials.safetensors", "epoch-0000009.safetensors"),
+        "checkpoint.json",
+    ],
+)
 def test_files_of_the_user_are_refused_and_stay(folder, name):
-    (folder / name).write_text("keep me")
+    """Also those with the name of a checkpoint's file, by their contents."""
+    if name.endswith(".safetensors"):
+        save_file({"a": np.zeros(3)}, folder / name)
+    else:
+        (folder / name).write_text('{"format": 1, "mine": true}')
     with pytest.raises(InputError, match=f"run: already holds '{name}'"):
         check_checkpoint(folder)
     remove_checkpoint(folder)
-    assert not has_checkpoint(folder)
     assert [path.name for path in folder.iterdir()] == [name]
+
+
+def test_a_checkpoint_cut_short_is_still_known_for_one(folder):
+    Stages(folder, {"what": "test"}).save("features", {"x": np.arange(1000.0)})
+    for path in folder.glob("*.safetensors"):
+        path.write_bytes(path.read_bytes()[:-10])
+    check_checkpoint(folder)
+    remove_checkpoint(folder)
+    assert not folder.exists()
 
 
 def test_a_file_in_its_place_is_refused(tmp_path):

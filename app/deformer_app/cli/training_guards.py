@@ -54,9 +54,10 @@ def outputs(output: Path, resume: dict[str, Any] | None) -> Iterator[Path]:
     output.parent.mkdir(parents=True, exist_ok=True)
     deformer.check_model_folder(output)
     with io.locked(output):
-        deformer.check_checkpoint(checkpoint)
-        if resume is None and deformer.has_checkpoint(checkpoint):
-            console.warn(f"replacing the checkpoint {checkpoint}; --resume would go on from it")
+        if resume is None:
+            deformer.check_checkpoint(checkpoint)
+            if deformer.has_checkpoint(checkpoint):
+                console.warn(f"replacing the checkpoint {checkpoint}; --resume would go on from it")
         yield checkpoint
 
 

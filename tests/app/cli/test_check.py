@@ -57,7 +57,7 @@ def test_an_npz_keeps_its_other_arrays_and_types(bad, sound, tmp_path, capsys):
         fps=25,
     )
     assert deformer("check", tmp_path / "walk.npz", "--fix", tmp_path / "fixed", "--json") == 0
-    (file,) = (tmp_path / "fixed").iterdir()
+    file = tmp_path / "fixed" / "walk.npz"
     with np.load(file) as arrays:
         assert set(arrays.files) == {"vertices", "faces", "rest", "fps"}
         assert arrays["vertices"].dtype == np.float32
@@ -65,7 +65,6 @@ def test_an_npz_keeps_its_other_arrays_and_types(bad, sound, tmp_path, capsys):
         assert arrays["vertices"].shape == sound.vertices.shape
         assert arrays["rest"].shape == (170, 3)
         assert arrays["fps"] == 25
-    assert file.name == "walk.npz"
 
 
 @pytest.mark.parametrize("output", ["walk", ".", "other"])

@@ -89,7 +89,7 @@ def test_a_folder_of_the_same_command_is_replaced_as_a_whole(folder, run):
     assert run(*command, "--sweep", "1=0:1:2")[0] == 0
     assert Path("out/sweep-1.gif").is_file()
     assert run(*command)[0] == 0
-    names = ["sheet.png", "sweep-0.gif", "sweep-0.npz"]
+    names = [".deformer.json", "sheet.png", "sweep-0.gif", "sweep-0.npz"]
     assert sorted(path.name for path in Path("out").iterdir()) == names
 
 

@@ -45,7 +45,6 @@ def test_foreign_files_are_refused_before_work_starts(
     refuse, shapes_path, tmp_path, monkeypatch, foreign
 ):
     path = put(tmp_path / foreign)
-    put(tmp_path / "m" / "weights.safetensors", "")
     monkeypatch.setattr(deformer, "load_shapes", no_work)
     assert Path(foreign).parts[0] in refuse(*train(shapes_path, tmp_path / "m"))
     assert path.read_text() == "keep me"
@@ -171,10 +170,11 @@ def test_ctrl_c_at_any_moment_is_told_and_goes_on(run, shapes_path, tmp_path, mo
 TWICE = """
 import signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)
-from deformer.training import checkpoints, loop
+from deformer.io import tensors
+from deformer.training import loop
 
 loop._CHECKPOINT_SECONDS = 0.0
-write, saves = checkpoints.write_tensors, []
+write, saves = tensors._save, []
 
 def interrupted(path, *contents):
     write(path, *contents)
@@ -184,7 +184,7 @@ def interrupted(path, *contents):
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGINT)
 
-checkpoints.write_tensors = interrupted
+tensors._save = interrupted
 from deformer_app.cli.main import main
 main()
 """
