@@ -32,7 +32,7 @@ def examine_connectivity(
     inconsistent = pairs[(uses == 2) & (balance != 0)]
     facts |= {
         "components": components,
-        "boundary_loops": _loop_count(pairs[uses == 1], vertex_count),
+        "boundary_loops": len(np.unique(border_loops(faces, vertex_count)[1])),
         "non_manifold_edges": len(non_manifold),
         "isolated_vertices": len(isolated),
         "inconsistent_orientation": len(inconsistent),
@@ -171,10 +171,19 @@ def _without_area(p: FloatArray, faces: IntArray) -> FloatArray:
     return double_area <= _DEGENERATE_AREA * longest
 
 
-def _loop_count(border: IntArray, vertex_count: int) -> int:
-    """Number of connected pieces of the border edges (B, 2)."""
+def border_loops(faces: IntArray, vertex_count: int) -> tuple[IntArray, IntArray]:
+    """Sides (B, 2) of only one face, in its direction, and the loop (B,) of each, 0, 1 and so on.
+
+    Loops that meet in a vertex are one.
+    """
+    half = half_edges(faces)
+    half = half[half[:, 0] != half[:, 1]]
+    _, label, uses = np.unique(
+        np.sort(half, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    border = half[uses[label.ravel()] == 1]
     graph = sparse.csr_array(
         (np.ones(len(border)), (border[:, 0], border[:, 1])), shape=(vertex_count, vertex_count)
     )
     labels = csgraph.connected_components(graph, directed=False)[1]
-    return len(np.unique(labels[border]))
+    return border, np.unique(labels[border[:, 0]], return_inverse=True)[1].ravel()

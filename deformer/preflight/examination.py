@@ -11,7 +11,7 @@ import numpy as np
 from deformer.checks import checked_instance
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, MeshSequence, procrustes
-from deformer.preflight import frames
+from deformer.preflight import frames, neighbours
 from deformer.preflight.connectivity import examine_connectivity, examine_places
 from deformer.preflight.orientation import examine_orientation
 from deformer.preflight.report import Finding, Labels, Report, in_order
@@ -58,12 +58,14 @@ def examine(shapes: MeshSequence, names: Sequence[str] | None = None) -> Report:
     examine_places(shapes, label, facts, findings)
     facts["bounding_diagonal"] = {"min": float(diagonals.min()), "max": float(diagonals.max())}
     points = frames.points(shapes, label)
-    findings += points or _examine_shapes(shapes, facts, label)
+    findings += points or _examine_shapes(shapes, diagonals, facts, label)
     findings += _examine_variety(shapes, facts, label)
     return Report(in_order(findings), facts)
 
 
-def _examine_shapes(shapes: MeshSequence, facts: dict[str, Any], label: Labels) -> list[Finding]:
+def _examine_shapes(
+    shapes: MeshSequence, diagonals: FloatArray, facts: dict[str, Any], label: Labels
+) -> list[Finding]:
     """Findings about single shapes; each is called faulty for one reason only."""
     measures = Statistics.measure(shapes)
     order = frames.reordered(measures, label)
@@ -73,7 +75,10 @@ def _examine_shapes(shapes: MeshSequence, facts: dict[str, Any], label: Labels) 
     units = frames.sizes(measures, wrong, label)
     orientation = examine_orientation(measures, wrong, label)
     facts |= orientation.facts
-    return [*order, *far, *flat, *units, *orientation.findings]
+    single = [finding for finding in orientation.findings if finding.kind != "turned"]
+    wrong |= _shapes_of([*far, *units, *single])
+    moved = neighbours.moved(shapes, diagonals, wrong, label)
+    return [*order, *far, *flat, *units, *orientation.findings, *moved]
 
 
 def _shapes_of(findings: list[Finding]) -> set[int]:

@@ -46,6 +46,7 @@ def repair_shapes(shapes: MeshSequence, names: Sequence[str] | None = None) -> R
     Mirror images and mixed-up axes are brought back, units are made the same, vertices are put in
     the order of the others, coincident vertices are welded, vertices without a face are dropped,
     faces are turned to agree, and shapes that turn as a whole are aligned where that helps.
+    A shape that is turned as a whole or moved away among quiet neighbours is put back between them.
     Repeated shapes, vertices far off and shapes pressed flat stay as they are.
 
     Args:
@@ -96,6 +97,16 @@ class _Work:
             elif finding.kind == "units" and "scale" in finding.values:
                 vertices[shapes] *= finding.values["scale"]
                 self._did(shapes, f"scaled by {finding.values['scale']:.6g}")
+            elif finding.kind == "rotated":
+                like, between = (
+                    self.shapes.vertices[finding.values[k]] for k in ("like", "between")
+                )
+                centre = between.mean(axis=(0, 1)) - like.mean(axis=0)
+                vertices[shapes] = align(vertices[shapes], like) + centre
+                self._did(shapes, "turned back as a whole, and put between its neighbours")
+            elif finding.kind == "moved":
+                vertices[shapes] += finding.values["by"]
+                self._did(shapes, "moved back between its neighbours")
             elif finding.kind == "order":
                 self._reorder(finding, report, vertices)
         self.shapes = MeshSequence(vertices, self.shapes.faces)

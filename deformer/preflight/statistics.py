@@ -147,25 +147,3 @@ def _lengths(p: FloatArray, pairs: IntArray) -> FloatArray:
 
 def _relative(lengths: FloatArray) -> FloatArray:
     return lengths / max(float(np.median(lengths)), 1e-300)
-
-
-def face_frames(vertices: FloatArray, faces: IntArray) -> FloatArray:
-    """Orthonormal frames (N, 3, 3f) of faces (f, 3): edge, normal × edge, normal as columns.
-
-    A face without area has zero columns. For shapes n and m, frames[n] @ frames[m].T is the sum
-    over faces of the rotations from m to n.
-
-    Args:
-        vertices: (N, V, 3).
-        faces: (f, 3).
-    """
-    a, b, c = (vertices[:, faces[:, corner]] for corner in range(3))
-    edge = _unit(b - a)
-    normal = _unit(np.cross(edge, c - a))
-    frames = np.concatenate([edge, np.cross(normal, edge), normal], axis=1)
-    return np.ascontiguousarray(frames.transpose(0, 2, 1))
-
-
-def _unit(vectors: FloatArray) -> FloatArray:
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)

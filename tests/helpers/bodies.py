@@ -34,3 +34,20 @@ def bending(count=8, most=1.2):
         x, y, z = vertices.T
         shapes.append(np.column_stack([c * x - s * y, s * x + c * y, z * (1 + 0.03 * n)]))
     return MeshSequence(np.array(shapes), faces)
+
+
+def turn(axis, angle):
+    """Rotation (3, 3) about an axis by an angle in radians."""
+    x, y, z = np.asarray(axis) / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+def grid(rows, columns):
+    """A flat sheet: vertices (V, 3), one apart, and faces (F, 3)."""
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(float(columns)), np.arange(float(rows))))
+    index = np.arange(rows * columns).reshape(rows, columns)
+    a, b = index[:-1, :-1].ravel(), index[:-1, 1:].ravel()
+    c, d = index[1:, 1:].ravel(), index[1:, :-1].ravel()
+    faces = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    return np.column_stack([x, y, 0 * x]), faces

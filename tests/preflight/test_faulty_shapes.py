@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bodies import bending, body
+from bodies import bending, body, grid, turn
 from deformer import MeshSequence, draw_codes, load_model, load_shapes, shipped_models
 from deformer.preflight import examine
 from paths import DATA
@@ -35,12 +35,6 @@ def the_fault(shapes, names=None):
     return found
 
 
-def turn(axis, angle):
-    x, y, z = np.asarray(axis) / np.linalg.norm(axis)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-
-
 @pytest.mark.parametrize("n", [0, 3])
 @pytest.mark.parametrize("P", SIGNED_AXES[1:], ids=lambda P: str(P.astype(int).tolist()))
 def test_axes_are_brought_back_whichever_shape_has_them_mixed_up(P, n):
@@ -58,16 +52,6 @@ def test_the_mirrored_case_names_shape_file_and_axis():
     assert found.kind == "mirrored"
     assert "shape 3 (3.obj)" in found.message
     assert "(-x, y, z)" in found.message
-
-
-def grid(rows, columns):
-    """A flat sheet: vertices (V, 3), one apart, and faces (F, 3)."""
-    x, y = (a.ravel() for a in np.meshgrid(np.arange(float(columns)), np.arange(float(rows))))
-    index = np.arange(rows * columns).reshape(rows, columns)
-    a, b = index[:-1, :-1].ravel(), index[:-1, 1:].ravel()
-    c, d = index[1:, 1:].ravel(), index[1:, :-1].ravel()
-    faces = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
-    return np.column_stack([x, y, 0 * x]), faces
 
 
 def sheet():

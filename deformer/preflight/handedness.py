@@ -1,0 +1,126 @@
+"""Shapes that are mirror images of the others, by measures that no motion without one changes.
+
+The signed volume that a surface encloses changes its sign in a mirror image. Turns, bends and
+twists keep the sign, however far they go. A shape whose volume has the other sign is mirrored if
+mirroring it back brings the signed angles between its faces nearer to those of another shape.
+
+A sheet encloses nothing, and may bend either way. One is called mirrored only if, by these angles,
+it is unlike neighbours that are like each other, and like them after a reflection.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from deformer.geometry import FloatArray, IntArray
+from deformer.preflight.connectivity import border_loops, half_edges, same_place
+from deformer.preflight.neighbours import odd_ones
+from deformer.preflight.statistics import Statistics, evenly
+
+# Area of the holes over that of the surface, above which it is a sheet: a hemisphere has 0.5.
+_HOLES = 0.4
+# Volume over the usual one, from which on its sign is clear.
+_CLEAR = 0.2
+# Mirroring back multiplies the least distance of angles between faces from another shape's by less.
+_NEARER = 0.8
+# Root mean square difference of angles between faces, in radians, from which on sheets differ.
+_BENT = 0.02
+_EDGES, _COMPARED = 2000, 200
+
+
+def mirrored(measures: Statistics, kept: IntArray) -> IntArray:
+    """Those of the shapes `kept` (n,) that are mirror images of most of them."""
+    if len(kept) < 3:
+        return kept[:0]
+    vertices, faces = measures.shapes.vertices, measures.shapes.faces
+    # Along seams a surface is whole.
+    solid = _Solid(same_place(vertices)[faces], vertices.shape[1])
+    volume, holes = np.array([solid.measure(vertices[n]) for n in kept]).T
+    corners = _across_edges(faces)
+    if holes.max() > _HOLES:
+        return _mirrored_sheets(vertices, corners, kept)
+    # Of as many on either side, those like the first are right.
+    sign = np.sign(np.sign(volume).sum()) or np.sign(volume[0])
+    other = sign * volume < -_CLEAR * np.median(np.abs(volume))
+    if not other.any():
+        return kept[:0]
+    right = kept[~other][evenly(int((~other).sum()), _COMPARED)]
+    angles = np.array([_dihedral_angles(vertices[n], corners) for n in right])
+    found = []
+    for n in kept[other]:
+        own = _dihedral_angles(vertices[n], corners)
+        back, as_it_is = (_rms(angles - sign * own).min() for sign in (-1.0, 1.0))
+        if back < _NEARER * as_it_is:
+            found.append(n)
+    return np.array(found, dtype=np.int64)
+
+
+def _mirrored_sheets(vertices: FloatArray, corners: IntArray, kept: IntArray) -> IntArray:
+    """Sheets bent the other way than quiet neighbours, and like these after a reflection."""
+    angles = {n: _dihedral_angles(vertices[n], corners) for n in kept.tolist()}
+
+    def distance(one: IntArray, other: IntArray) -> FloatArray:
+        pairs = zip(one.tolist(), other.tolist(), strict=True)
+        return np.array([_rms(angles[n] - angles[m]) for n, m in pairs])
+
+    found = []
+    for n, near in odd_ones(kept, distance, _BENT).items():
+        back = min(_rms(angles[n] + angles[m]) for m in near.tolist())
+        if back <= distance(near[:-1], near[1:]).max():
+            found.append(n)
+    return np.array(found, dtype=np.int64)
+
+
+def _rms(angles: FloatArray) -> FloatArray:
+    """Root mean squares (…,) of angles (…, e)."""
+    return np.sqrt((angles**2).mean(axis=-1))
+
+
+class _Solid:
+    """A surface whose holes are closed by fans of triangles about their middles.
+
+    Args:
+        faces: (F, 3).
+        vertex_count: V.
+    """
+
+    def __init__(self, faces: IntArray, vertex_count: int) -> None:
+        self._faces = faces
+        self._border, self._loop = border_loops(faces, vertex_count)
+        self._count = np.bincount(self._loop)
+
+    def measure(self, p: FloatArray) -> tuple[float, float]:
+        """Signed volume over area to the power 3/2, and area of the fans over that of the faces."""
+        p = p - p.mean(axis=0)
+        a, b, c = (p[self._faces[:, corner]] for corner in range(3))
+        normals = np.cross(b - a, c - a)
+        area = np.linalg.norm(normals, axis=1).sum() / 2.0
+        volume = np.einsum("fi,fi->", a, normals) / 6.0
+        a, b = p[self._border[:, 1]], p[self._border[:, 0]]
+        sums = [np.bincount(self._loop, b[:, axis]) for axis in range(3)]
+        middle = (np.stack(sums, axis=1) / self._count[:, None])[self._loop]
+        normals = np.cross(a - middle, b - middle)
+        volume += np.einsum("bi,bi->", middle, normals) / 6.0
+        holes = np.linalg.norm(normals, axis=1).sum() / 2.0
+        return float(volume / max(area**1.5, 1e-300)), float(holes / max(area, 1e-300))
+
+
+def _across_edges(faces: IntArray) -> IntArray:
+    """Corners (e, 4) of inner edges, evenly chosen: the edge, and the tips of its two faces."""
+    half = half_edges(faces)
+    tips = np.concatenate([faces[:, 2], faces[:, 0], faces[:, 1]])
+    keys = np.sort(half, axis=1)
+    order = np.lexsort((keys[:, 1], keys[:, 0]))
+    same = (keys[order][1:] == keys[order][:-1]).all(axis=1)
+    first = np.flatnonzero(same)
+    first = first[evenly(len(first), _EDGES)] if len(first) else first
+    one, other = order[first], order[first + 1]
+    return np.column_stack([half[one], tips[one], tips[other]])
+
+
+def _dihedral_angles(p: FloatArray, corners: IntArray) -> FloatArray:
+    """Signed angles (e,) between the faces at edges, 0 where they are flat."""
+    a, b, c, d = (p[corners[:, k]] for k in range(4))
+    n, m = np.cross(b - a, c - a), np.cross(d - a, b - a)
+    sine = np.linalg.norm(b - a, axis=1) * np.einsum("ei,ei->e", n, d - a)
+    return np.arctan2(sine, np.einsum("ei,ei->e", n, m))
