@@ -26,7 +26,6 @@ from deformer.geometry import (
     MeshSequence,
     closest_rotation_,
     closest_rotations,
-    connected_components,
     cotan_weights,
     graph_laplacian,
     log_to_rotation,
@@ -146,7 +145,6 @@ class FeatureExtractor:
         self.reference = reference
         self.indptr, self.rings = one_rings(reference.faces, V)
         self.weights = cotan_weights(reference)
-        self._labels = connected_components(reference.faces, V)[1]
         self._normals = np.empty((V, 3))
         _vertex_normals(v, reference.faces, self._normals)
         rows = np.repeat(np.arange(V), np.diff(self.indptr))
@@ -231,14 +229,14 @@ class FeatureExtractor:
         R = closest_rotations(T)
         q = np.empty((len(T), 9))
         # log R, one of its values a vertex (Gao et al. 2019, ACAP).
-        r, bridged = continuous_logs(R, self.indptr, self.rings, self._labels)
+        r, bridged = continuous_logs(R, self.indptr, self.rings, self.reference.labels)
         q[:, :3] = r
         if bridged.any():
             R[bridged] = log_to_rotation(r[bridged])
         _stretches(T, R, q[:, 3:])
         if bridged.any():
             self._compensate(q, T, np.flatnonzero(bridged))
-        join_components(q[:, :3], self.reference.links, self._labels)
+        join_components(q[:, :3], self.reference.links, self.reference.labels)
         return q
 
     def extract_sites(self, vertices: ArrayLike) -> FloatArray:

@@ -16,7 +16,6 @@ from deformer.geometry import (
     FloatArray,
     Mesh,
     MeshSequence,
-    connected_components,
     cotan_weights,
     graph_laplacian,
     rhs_,
@@ -56,7 +55,6 @@ class PoissonSystem:
         V = len(v)
         self.reference = reference
         weights = cotan_weights(reference)
-        self.component_count, self.labels = connected_components(reference.faces, V)
         self.lever = link_lever(reference)
         if len(reference.links):
             i, j = reference.links.T
@@ -161,13 +159,10 @@ class PoissonSystem:
 
     def placed(self, p: FloatArray, like: FloatArray) -> FloatArray:
         """Shapes p (N, V, 3) with every connected component's centroid moved to that in `like`."""
-        counts = np.bincount(self.labels, minlength=self.component_count)
-        membership = sparse.csr_array(
-            (1.0 / counts[self.labels], (self.labels, np.arange(len(self.labels))))
-        )
-        return np.stack(
-            [a + (membership @ (b - a))[self.labels] for a, b in zip(p, like, strict=True)]
-        )
+        labels = self.reference.labels
+        counts = np.bincount(labels)
+        membership = sparse.csr_array((1.0 / counts[labels], (labels, np.arange(len(labels)))))
+        return np.stack([a + (membership @ (b - a))[labels] for a, b in zip(p, like, strict=True)])
 
     @cached_property
     def screened_factor(self) -> SparseCholesky:

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deformer.checks import LARGEST, checked_array, checked_instance, checked_integer
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, IntArray, connected_components
+from deformer.geometry import FloatArray, IntArray
 from deformer.model import DeformationModel
 
 
@@ -112,8 +112,8 @@ class Activations:
         """Lengths (V,) of the vertices, from lengths (V+B,) of the vertices and links."""
         mesh = self._model.reference
         V = len(mesh.vertices)
-        count, labels = connected_components(mesh.faces, V)
-        carried = np.zeros(count, dtype=lengths.dtype)
+        labels = mesh.labels
+        carried = np.zeros(len(mesh.links) + 1, dtype=lengths.dtype)
         for (i, j), length in zip(mesh.links.tolist(), lengths[V:], strict=True):
             carried[labels[i]] = max(carried[labels[j]], length)
         return np.maximum(lengths[:V], carried[labels])

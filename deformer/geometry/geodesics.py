@@ -17,7 +17,7 @@ from scipy.sparse import csgraph
 
 from deformer.checks import checked_instance, checked_integer
 from deformer.errors import InputError
-from deformer.geometry.mesh import FloatArray, Mesh, connected_components, edges
+from deformer.geometry.mesh import FloatArray, Mesh, edges
 
 
 class Geodesics:
@@ -36,7 +36,6 @@ class Geodesics:
         checked_integer(cache_rows, "cache_rows", least=1)
         self.mesh = mesh
         V = len(mesh.vertices)
-        self._count, self._labels = connected_components(mesh.faces, V)
         used = np.zeros(V, dtype=bool)
         used[mesh.faces] = True
         self._used = np.flatnonzero(used)
@@ -69,7 +68,7 @@ class Geodesics:
         Raises:
             InputError: no such vertex.
         """
-        V = len(self._labels)
+        V = len(self.mesh.vertices)
         vertex = checked_integer(vertex, "vertex")
         if not 0 <= vertex < V:
             raise InputError(f"vertex {vertex} does not exist; the mesh has vertices 0…{V - 1}")
@@ -77,11 +76,11 @@ class Geodesics:
             self._cache.move_to_end(vertex)
             return self._cache[vertex]
         distance = np.zeros(V)
-        same = self._labels == self._labels[vertex]
+        same = self.mesh.labels == self.mesh.labels[vertex]
         if same.sum() > 1:
             found = self._solver.compute_distance(int(self._position[vertex]))
             distance[self._used] = np.maximum(found, 0.0) * self._unit
-        if self._count > 1:
+        if len(self.mesh.links) > 0:
             along_edges = csgraph.dijkstra(self._graph, directed=False, indices=vertex)
             distance[~same] = along_edges[~same]
         distance[vertex] = 0.0

@@ -84,8 +84,12 @@ class Mesh:
     @cached_property
     def links(self) -> IntArray:
         """Links (B, 2) between the connected components, of `spanning_links`; empty for one."""
-        labels = connected_components(self.faces, len(self.vertices))[1]
-        return spanning_links(self.vertices, labels)
+        return spanning_links(self.vertices, self.labels)
+
+    @cached_property
+    def labels(self) -> IntArray:
+        """Connected component (V,) of every vertex, as `connected_components` numbers them."""
+        return connected_components(self.faces, len(self.vertices))[1]
 
 
 @dataclass(frozen=True, eq=False)

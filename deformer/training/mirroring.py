@@ -53,7 +53,7 @@ def mirror_images(shapes: MeshSequence) -> tuple[FloatArray, Symmetry]:
         batch = slice(start, start + _BATCH)
         opposite_q = np.array([opposite @ q for q in extract_all(extractor, V[batch])])
         images[batch] = poisson.reconstruct(reflected(opposite_q, plane.normal))
-    if poisson.component_count > 1:
+    if len(poisson.reference.links) > 0:
         # Where the components are: moved from s as the reflected opposite points move.
         points = np.stack([plane.mirror(opposite @ p) for p in (*V, rest.vertices)])
         images = poisson.placed(images, rest.vertices + points[:-1] - points[-1])

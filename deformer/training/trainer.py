@@ -22,7 +22,7 @@ from deformer.checks import (
     shortened,
 )
 from deformer.errors import InputError
-from deformer.geometry import Mesh, MeshSequence, align, e_rms
+from deformer.geometry import FloatArray, Mesh, MeshSequence, align, e_rms, vertex_errors
 from deformer.io import locked
 from deformer.linalg import resolve_device
 from deformer.model import DeformationModel
@@ -165,7 +165,9 @@ def train(
     }
     with blamed(folder if resume else None):
         model = examples.build_model(result.weights, settings, split, summary)
-    summary["train_e_rms"] = e_rms(examples.shapes.vertices, model.decode(model.codes))
+    rebuilt = model.decode(model.codes)
+    summary["train_e_rms"] = e_rms(examples.shapes.vertices, rebuilt)
+    summary |= _farthest(vertex_errors(examples.shapes.vertices, rebuilt), indices, base)
     if test_shapes is not None:
         if settings.align:
             test_shapes = align(test_shapes, examples.reference.vertices)
@@ -237,6 +239,33 @@ def _digest(shapes: MeshSequence, reference: Mesh) -> str:
         found.update(str(array.shape).encode())
         found.update(np.ascontiguousarray(array).data)
     return found.hexdigest()
+
+
+def _farthest(distances: FloatArray, indices: list[int], reference: Mesh) -> dict[str, Any]:
+    """Entries of a model's summary about the shape and the piece that its codes tell least of.
+
+    Args:
+        distances: (N, V) of each vertex from where its code puts it.
+        indices: (N,) indices of the training shapes.
+        reference: its connected components are the pieces.
+
+    Returns:
+        The shape, and where there are several pieces the first vertex of the piece, each with its
+        root mean square distance in bounding diagonals.
+    """
+    squares = (distances / reference.bounding_diagonal) ** 2
+    of_shapes = np.sqrt(squares.mean(axis=1))
+    worst = int(of_shapes.argmax())
+    entries = {"worst_shape": indices[worst], "worst_shape_rms": float(of_shapes[worst])}
+    if len(reference.links) == 0:
+        return entries
+    sums = np.bincount(reference.labels, weights=squares.mean(axis=0))
+    of_pieces = np.sqrt(sums / np.bincount(reference.labels))
+    piece = int(of_pieces.argmax())
+    return entries | {
+        "worst_piece_vertex": int((reference.labels == piece).argmax()),
+        "worst_piece_rms": float(of_pieces[piece]),
+    }
 
 
 def _outcome(result: TrainingResult) -> dict[str, Any]:

@@ -163,7 +163,8 @@ def train(
     """
     import deformer
     from deformer import io
-    from deformer_app.cli import training_guards as guards
+    from deformer_app.cli import rebuilding, training_guards as guards
+    from deformer_app.cli.check import file_names
 
     refuse_inputs(output, shapes, split)
     options: dict[str, Any] = {
@@ -207,7 +208,7 @@ def train(
         console.note(f"To go on: {guards.command_to_resume()}")
         raise console.Interrupted
     console.note(f"Saved {output}.")
-    for message in advice:
+    for message in [*advice, *rebuilding.advice(model, file_names(shapes))]:
         console.note(message)
 
 
