@@ -50,22 +50,31 @@ def test_where_shapes_of_a_code_stand_is_learned():
     assert 0.5 * spread < noise.translation < 1.5 * spread
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_examples_stand_where_they_were_unless_that_is_worse_for_others(seed):
-    """A law with a small part that the codes cannot tell, and codes that tell nothing."""
-    rng = np.random.default_rng(seed)
-    shape = icosphere(1).vertices
-    shape = shape - shape.mean(axis=0)
-    decoded = np.repeat(shape[None], 12, axis=0)
-    codes = rng.normal(size=(12, 40)) * np.geomspace(1.0, 0.05, 40)
-    law = codes @ rng.normal(size=(40, 3)) + 0.1 * rng.normal(size=(12, 3))
-    found = fit_rigid_prior(codes, decoded, shape + 2.0 * law[:, None], 2.0)
-    assert np.abs(found.centroid(codes) - law).max() < 0.06 * law.std()
-    noise = rng.normal(size=(200, 3))
-    many = np.repeat(shape[None], 200, axis=0)
-    codes = rng.normal(size=(200, 150))
-    found = fit_rigid_prior(codes, many, shape + 2.0 * noise[:, None], 2.0)
-    assert found.centroid(codes).std() < 0.7 * noise.std()
+def test_examples_stand_where_they_were_where_that_cannot_be_told_from_better():
+    """A law with a small part that the codes cannot tell."""
+    decoded = np.repeat(_ball()[None], 12, axis=0)
+    kept = []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        codes = rng.normal(size=(12, 40)) * np.geomspace(1.0, 0.05, 40)
+        law = codes @ rng.normal(size=(40, 3)) + 0.1 * rng.normal(size=(12, 3))
+        found = fit_rigid_prior(codes, decoded, decoded + 2.0 * law[:, None], 2.0)
+        kept.append(np.abs(found.centroid(codes) - law).max() < 1e-3 * law.std())
+    assert sum(kept) >= 6
+
+
+def test_codes_that_tell_nothing_move_nothing():
+    """Exact examples would need large gains, with which other codes go anywhere."""
+    rng = np.random.default_rng(0)
+    decoded = np.repeat(_ball()[None], 200, axis=0)
+    noise, codes = rng.normal(size=(200, 3)), rng.normal(size=(200, 150))
+    found = fit_rigid_prior(codes, decoded, decoded + 2.0 * noise[:, None], 2.0)
+    assert found.centroid(codes).std() < 0.5 * noise.std()
+
+
+def _ball():
+    v = icosphere(1).vertices
+    return v - v.mean(axis=0)
 
 
 def test_the_tighter_the_more_freedom_costs():

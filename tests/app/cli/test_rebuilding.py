@@ -37,7 +37,7 @@ def test_few_components_are_named_with_a_remedy(told):
     assert len(lines) == 2
     assert "training shape" in lines[0] and "the piece of vertex" in lines[1]
     assert all("--components 2" in line for line in lines)
-    assert rebuilding.advice(told[30], None) == []
+    assert not any("piece" in line for line in rebuilding.advice(told[30], None))
 
 
 def test_the_index_is_that_of_the_file(monkeypatch, tmp_path, capsys):
