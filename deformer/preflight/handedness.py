@@ -17,8 +17,9 @@ from deformer.preflight.connectivity import border_loops, half_edges, same_place
 from deformer.preflight.neighbours import odd_ones
 from deformer.preflight.statistics import Statistics, evenly
 
-# Area of the holes over that of the surface, above which it is a sheet: a hemisphere has 0.5.
-_HOLES = 0.4
+# Area of the holes over that of the surface, in any of so many shapes, above which it is a sheet: a
+# hemisphere has 0.5.
+_HOLES, _OPENED = 0.4, 9
 # Volume over the usual one, from which on its sign is clear.
 _CLEAR = 0.2
 # Mirroring back multiplies the least distance of angles between faces from another shape's by less.
@@ -35,10 +36,10 @@ def mirrored(measures: Statistics, kept: IntArray) -> IntArray:
     vertices, faces = measures.shapes.vertices, measures.shapes.faces
     # Along seams a surface is whole.
     solid = _Solid(same_place(vertices)[faces], vertices.shape[1])
-    volume, holes = np.array([solid.measure(vertices[n]) for n in kept]).T
     corners = _across_edges(faces)
-    if holes.max() > _HOLES:
+    if max(solid.holes(vertices[n]) for n in kept[evenly(len(kept), _OPENED)]) > _HOLES:
         return _mirrored_sheets(vertices, corners, kept)
+    volume = np.array([solid.volume(vertices[n]) for n in kept]) / measures.radius[kept] ** 3
     # Of as many on either side, those like the first are right.
     sign = np.sign(np.sign(volume).sum()) or np.sign(volume[0])
     other = sign * volume < -_CLEAR * np.median(np.abs(volume))
@@ -85,24 +86,31 @@ class _Solid:
     """
 
     def __init__(self, faces: IntArray, vertex_count: int) -> None:
-        self._faces = faces
-        self._border, self._loop = border_loops(faces, vertex_count)
-        self._count = np.bincount(self._loop)
+        border, loop = border_loops(faces, vertex_count)
+        self._start, self._loop, self._length = border[:, 0], loop, np.bincount(loop)
+        fans = np.column_stack([border[:, ::-1], vertex_count + loop])
+        # (3, F + B), corners first.
+        self._corners = np.ascontiguousarray(np.concatenate([faces, fans]).T)
+        self._faces = len(faces)
 
-    def measure(self, p: FloatArray) -> tuple[float, float]:
-        """Signed volume over area to the power 3/2, and area of the fans over that of the faces."""
-        p = p - p.mean(axis=0)
-        a, b, c = (p[self._faces[:, corner]] for corner in range(3))
-        normals = np.cross(b - a, c - a)
-        area = np.linalg.norm(normals, axis=1).sum() / 2.0
-        volume = np.einsum("fi,fi->", a, normals) / 6.0
-        a, b = p[self._border[:, 1]], p[self._border[:, 0]]
-        sums = [np.bincount(self._loop, b[:, axis]) for axis in range(3)]
-        middle = (np.stack(sums, axis=1) / self._count[:, None])[self._loop]
-        normals = np.cross(a - middle, b - middle)
-        volume += np.einsum("bi,bi->", middle, normals) / 6.0
-        holes = np.linalg.norm(normals, axis=1).sum() / 2.0
-        return float(volume / max(area**1.5, 1e-300)), float(holes / max(area, 1e-300))
+    def volume(self, p: FloatArray) -> float:
+        """Signed volume that a shape (V, 3) encloses."""
+        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = self._at_corners(p)
+        x, y, z = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+        return float((ax * x + ay * y + az * z).sum()) / 6.0
+
+    def holes(self, p: FloatArray) -> float:
+        """Area of the fans over that of the faces."""
+        a, b, c = (q.T for q in self._at_corners(p))
+        areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        return float(areas[self._faces :].sum() / max(areas[: self._faces].sum(), 1e-300))
+
+    def _at_corners(self, p: FloatArray) -> list[FloatArray]:
+        """Positions (3, F + B) of each corner of faces and fans, about the mean of all."""
+        p = p.T - p.mean(axis=0)[:, None]
+        middles = [np.bincount(self._loop, x[self._start]) / self._length for x in p]
+        p = np.concatenate([p, middles], axis=1)
+        return [p.take(corner, axis=1) for corner in self._corners]
 
 
 def _across_edges(faces: IntArray) -> IntArray:
