@@ -83,10 +83,8 @@ def moved(
         label: names shapes.
     """
     kept = np.array([n for n in range(len(shapes)) if n not in excluded], dtype=np.int64)
-    if not len(kept):
-        return []
     centres = shapes.vertices.mean(axis=1)
-    size = max(float(np.median(diagonals[kept])), 1e-300)
+    size = max(float(np.median(diagonals)), 1e-300)
 
     def distance(one: IntArray, other: IntArray) -> FloatArray:
         return np.linalg.norm(centres[one] - centres[other], axis=1) / size

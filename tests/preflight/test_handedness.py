@@ -47,6 +47,16 @@ def test_a_twist_of_many_turns_is_no_mirror_image(most, seed):
     assert "mirrored" not in {kind for kind, _ in faults(twisted(most, seed))}
 
 
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("rings", [14, 20, 40])
+def test_bars_twisted_and_bent_at_random_have_no_mirror_image(rings, seed):
+    rng = np.random.default_rng(seed)
+    vertices, faces = bar_mesh(rings, side=3)
+    bends, twists = rng.uniform(-2, 2, 18), rng.uniform(-20, 20, 18)
+    shapes = [bend(vertices, *x) for x in zip(bends, twists, strict=True)]
+    assert not faults(MeshSequence(np.array(shapes) * [1, 1, 0.7], faces))
+
+
 def test_a_bar_twisted_to_either_side_has_no_mirror_image():
     one, other = twisted(12), twisted(-12)
     both = MeshSequence(np.concatenate([one.vertices[::-1], other.vertices[1:]]), one.faces)
@@ -113,8 +123,9 @@ def test_shifted_vertices_are_no_mirror_image(make, shift):
 
 @pytest.mark.parametrize("n", [0, 6, 15])
 @pytest.mark.parametrize("sign", [[1, 1, -1], [-1, 1, 1]])
-def test_a_mirrored_sheet_among_slow_waves_is_undone(sign, n):
-    shapes = waves()
+@pytest.mark.parametrize("height", [1.0, 0.2])
+def test_a_mirrored_sheet_among_slow_waves_is_undone(height, sign, n):
+    shapes = MeshSequence(waves().vertices * [1, 1, height], waves().faces)
     assert not faults(shapes)
     bad = changed(shapes, n, lambda p: p * sign)
     assert faults(bad) == [("mirrored", (n,))]
