@@ -31,12 +31,12 @@ _EDGES, _COMPARED = 2000, 200
 
 def mirrored(measures: Statistics, kept: IntArray) -> IntArray:
     """Those of the shapes `kept` (n,) that are mirror images of most of them."""
-    if len(kept) < 3:
-        return kept[:0]
     vertices, faces = measures.shapes.vertices, measures.shapes.faces
+    corners = _across_edges(faces)
+    if len(kept) < 3 or not len(corners):
+        return kept[:0]
     # Along seams a surface is whole.
     solid = _Solid(same_place(vertices)[faces], vertices.shape[1])
-    corners = _across_edges(faces)
     if max(solid.holes(vertices[n]) for n in kept[evenly(len(kept), _OPENED)]) > _HOLES:
         return _mirrored_sheets(vertices, corners, kept)
     volume = np.array([solid.volume(vertices[n]) for n in kept]) / measures.radius[kept] ** 3

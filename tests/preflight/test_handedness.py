@@ -139,3 +139,10 @@ def test_of_sheets_in_no_order_or_flat_ones_nothing_is_said():
     flat = MeshSequence(shapes.vertices * [1, 1, 1e-3], shapes.faces)
     assert not faults(changed(flat, 6, lambda p: p * [1, 1, -1]))
     assert not faults(changed(shapes, 6, lambda p: p * [1, 1, -0.3]))
+
+
+@pytest.mark.filterwarnings("error")
+def test_of_triangles_without_a_common_edge_nothing_is_said():
+    vertices = np.random.default_rng(0).normal(size=(6, 30, 3))
+    shapes = MeshSequence(vertices[:1] + 0.02 * vertices, np.arange(30).reshape(10, 3))
+    assert "mirrored" not in {kind for kind, _ in faults(shapes)}
