@@ -11,6 +11,7 @@ import contextlib
 import errno
 import math
 import os
+import re
 import reprlib
 from collections.abc import Sequence
 from numbers import Integral, Real
@@ -45,7 +46,7 @@ class _Short(reprlib.Repr):
 
     def repr_ndarray(self, x: NDArray, level: int) -> str:
         """Dtype and shape of an array, or the number of one without dimensions."""
-        return f"an array of {x.dtype} {x.shape}" if x.ndim else repr(x.item())
+        return f"an array of {x.dtype} {x.shape}" if x.ndim else self.repr1(x.item(), level)
 
     def repr_float64(self, x: np.floating, level: int) -> str:
         """The number alone: numpy 2 adds the type."""
@@ -57,9 +58,17 @@ class _Short(reprlib.Repr):
 _short = _Short()
 
 
+def rounded(value: float, digits: int = 3) -> str:
+    """A number of some digits; up to a million without an exponent, as 1000 for 1e+03."""
+    text = f"{value:.{digits}g}"
+    return f"{float(text):.0f}" if "e+0" in text and abs(value) < 1e6 else text
+
+
 def shortened(value: object) -> str:
     """`repr` of a value in one line of at most 60 characters, for messages."""
     text = " ".join(_short.repr(value).split())
+    # Bytes of names of files that are no text are half surrogates in Python.
+    text = re.sub(r"(?<!\\)\\udc([89a-f][0-9a-f])", r"\\x\1", text)
     return text if len(text) <= _ECHO else text[: _ECHO - 1] + "…"
 
 
@@ -179,12 +188,13 @@ def checked_choice(
     raise _unexpected(name, f"one of {', '.join(map(str, choices))}", value, remedy)
 
 
-def checked_path(value: Any, name: object) -> Path:
+def checked_path(value: Any, name: object = "path") -> Path:
     """A path, as text or as a path."""
-    if not isinstance(value, str | os.PathLike):
+    text = os.fspath(value) if isinstance(value, str | os.PathLike) else None
+    if not isinstance(text, str) or "\0" in text or not is_unicode(text):
         raise _unexpected(name, "the path of a file or directory", value, "give a text or a Path")
-    check_path_length(Path(value), name)
-    return Path(value)
+    check_path_length(Path(text), name)
+    return Path(text)
 
 
 def check_path_length(path: Path, name: object) -> None:
@@ -196,8 +206,6 @@ def check_path_length(path: Path, name: object) -> None:
             raise InputError(
                 f"{name}: {shortened(str(path))} is longer than the system allows; shorten it"
             ) from error
-    except ValueError:
-        pass  # a null character: reading or writing it names it
 
 
 def checked_instance(value: Any, name: object, kind: type[T], *, remedy: str) -> T:
@@ -282,8 +290,8 @@ def check_memory(size: float, what: str) -> None:
     memory = 0.5 * _memory()
     if size > memory:
         raise InputError(
-            f"{what}: would take {size / 1e9:.3g} GB of memory, expected at most the "
-            f"{memory / 1e9:.3g} GB that are half of what this process may use; ask for less"
+            f"{what}: would take {rounded(size / 1e9)} GB of memory, expected at most the "
+            f"{rounded(memory / 1e9)} GB that are half of what this process may use; ask for less"
         )
 
 
@@ -299,7 +307,10 @@ def _memory() -> float:
 
 
 def as_array(values: Any, name: object) -> NDArray:
-    """An array of any kind; InputError for lists of unequal lengths, for example."""
+    """An array of any kind; InputError for lists of unequal lengths, and for masked values."""
+    parts = values if isinstance(values, list | tuple) else (values,)
+    if any(isinstance(part, np.ma.MaskedArray) and np.ma.is_masked(part) for part in parts):
+        raise InputError(f"{name}: has masked values, expected all; fill or leave them out")
     try:
         return np.asarray(values)
     except (TypeError, ValueError, OverflowError, RuntimeError) as error:

@@ -16,7 +16,9 @@ from deformer.checks import (
     checked_indices,
     checked_integer,
     checked_number,
+    checked_path,
     checked_text,
+    rounded,
     shortened,
 )
 
@@ -155,3 +157,28 @@ def test_what_messages_echo_costs_nothing():
         assert len(shortened(value)) <= 60
     while nested:  # Python frees nested lists by recursion
         nested = nested.pop()
+
+
+def test_numbers_in_messages_have_an_exponent_only_where_it_is_shorter():
+    shown = [rounded(x) for x in (1000.0, 12345.0, 999.6, 0.001234, 2.0, 1e9, -1500.0)]
+    assert shown == ["1000", "12300", "1000", "0.00123", "2", "1e+09", "-1500"]
+
+
+def test_bytes_of_names_are_told_as_bytes():
+    assert shortened("a\udcff.ply") == r"'a\xff.ply'"
+    assert shortened(["a\udc80"]) == r"['a\x80']"
+
+
+@pytest.mark.parametrize("wrap", [lambda x: x, lambda x: [x, x], lambda x: (x, [1.0, 2.0])])
+def test_masked_values_are_refused_and_masks_of_none_are_not(wrap):
+    masked = np.ma.masked_array([1.0, 2.0], [False, True])
+    with pytest.raises(InputError, match="targets: has masked values"):
+        checked_array(wrap(masked), "targets")
+    whole = checked_array(wrap(np.ma.masked_array([1.0, 2.0], [False, False])), "targets")
+    assert np.isfinite(whole).all()
+
+
+@pytest.mark.parametrize("path", ["a\0b", "\ud800", b"abc", None, 3, ["a"]])
+def test_what_is_no_path_is_refused(path):
+    with pytest.raises(InputError, match="model: expected the path of a file or directory"):
+        checked_path(path, "model")

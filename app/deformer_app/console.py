@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import _thread
+import codecs
 import ctypes
 import dataclasses
+import errno
 import io
 import json
 import logging
 import math
 import os
+import re
 import signal
 import sys
 import threading
@@ -32,6 +35,23 @@ err = Console(stderr=True, highlight=False)
 out = Console(highlight=False)
 
 
+# Names of files may have bytes that are no text, which are printed as \xff.
+READABLE = "deformer.readable"
+
+
+def _escape(error: UnicodeError) -> tuple[str, int]:
+    """What is printed in place of characters that a stream has no bytes for."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    text = error.object[error.start : error.end]
+    # A byte of a name that is no text is a half surrogate in Python.
+    escaped = text.encode("ascii", "backslashreplace").decode()
+    return re.sub(r"\\udc([89a-f][0-9a-f])", r"\\x\1", escaped), error.end
+
+
+codecs.register_error(READABLE, _escape)
+
+
 class Interrupted(Exception):
     """Ctrl-C, after which a command has said what is kept and how to go on."""
 
@@ -47,9 +67,9 @@ def run(app: typer.Typer, arguments: list[str] | None = None) -> int:
     log.setLevel(logging.INFO)
     given = sys.argv[1:] if arguments is None else arguments
     given = given or ["--help"]
-    # Names of files may have bytes that are no text; they are printed as \udcff.
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors=READABLE)
     with _CtrlC() as ctrl_c:
         return _status(app, given, ctrl_c)
 
@@ -126,6 +146,20 @@ class _CtrlC:
             self._hook(unraisable)
 
 
+def system_mistake(error: OSError) -> str:
+    """Describe what the system refused, and what to do."""
+    remedies = {
+        errno.ENOSPC: "free some space, or choose another place",
+        errno.EDQUOT: "free some space, or choose another place",
+        errno.EACCES: "change its permissions, or choose another place",
+        errno.EPERM: "change its permissions, or choose another place",
+        errno.EROFS: "choose another place",
+        errno.EMFILE: "close other programs, or raise the limit (ulimit -n)",
+    }
+    remedy = remedies.get(error.errno or 0, "check the path and the disk")
+    return f"{error.filename or 'system'}: {error.strerror or error}; {remedy}"
+
+
 def _users_mistake(error: Exception) -> str | None:
     """Describe a mistake that the user can correct; None if `error` is anything else."""
     if isinstance(error, TyperException):
@@ -133,7 +167,7 @@ def _users_mistake(error: Exception) -> str | None:
         remedy = f"; see {context.command_path} --help" if context else ""
         return error.format_message().rstrip(".") + remedy
     if isinstance(error, OSError):
-        return f"{error.filename or 'system'}: {error.strerror or error}"
+        return system_mistake(error)
     if isinstance(error, MemoryError):
         reason = str(error) or "a request was refused"
         return f"not enough memory ({reason}); use fewer or smaller shapes"
@@ -219,11 +253,12 @@ def brief(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return f"{value:.4g}"
+        text = f"{value:.4g}"
+        return f"{float(text):.0f}" if "e+0" in text and abs(value) < 1e6 else text
     if value is None or value in ([], {}):
         return "none"
     if isinstance(value, list):
-        head = ", ".join(brief(item) for item in value[:8])
+        head = ", ".join(f"({brief(v)})" if isinstance(v, list) else brief(v) for v in value[:8])
         return f"{head}, … ({len(value)} in all)" if len(value) > 8 else head
     if isinstance(value, dict):
         return ", ".join(f"{key} {brief(item)}" for key, item in value.items())

@@ -24,6 +24,7 @@ from deformer.geometry import (
     IntArray,
     Mesh,
     MeshSequence,
+    checked_faces,
     closest_rotation_,
     closest_rotations,
     cotan_weights,
@@ -70,11 +71,14 @@ def vertex_normals(vertices: FloatArray, faces: IntArray) -> FloatArray:
 
     Args:
         vertices: (V, 3).
-        faces: (F, 3) int64.
+        faces: (F, 3) vertex indices.
+
+    Raises:
+        InputError: other shapes, or an index out of range.
     """
     p = np.ascontiguousarray(checked_array(vertices, "vertices", ("V", 3)))
     normals = np.empty_like(p)
-    _vertex_normals(p, faces, normals)
+    _vertex_normals(p, checked_faces(faces, len(p)), normals)
     return normals
 
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from deformer.acap import extract_all
 from deformer.analysis.synthesis import BlendSpace, check_blend_space
-from deformer.checks import check_memory, checked_array, checked_integer
+from deformer.checks import check_memory, checked_array, checked_instance, checked_integer
 from deformer.errors import InputError
 from deformer.geometry import (
     FloatArray,
@@ -79,6 +79,7 @@ def interpolate(
         InputError: fewer than two keys, of another connectivity, fewer than two steps, or an
             unknown space.
     """
+    checked_instance(model, "model", DeformationModel, remedy="load it with load_model")
     check_blend_space(space)
     shapes = checked_array(keys, "keys")
     V = len(model.reference.vertices)

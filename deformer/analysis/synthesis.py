@@ -115,11 +115,15 @@ class Synthesis:
             InputError: as `shape`.
         """
         k = self.model.component(component)
-        fixed = {self.model.component(key): w for key, w in (weights or {}).items()}
+        given = {} if weights is None else weights
+        checked_instance(given, "weights", Mapping, remedy="give a dict")
+        fixed = {self.model.component(key): w for key, w in given.items()}
         steps = np.atleast_1d(checked_array(values, "values", (), ("n",), largest=LARGEST))
         V = len(self.model.reference.vertices)
         check_memory(2 * 24 * V * len(steps), f"values: {len(steps)} shapes of {V} vertices")
-        return np.stack([self.shape({**fixed, k: float(w)}, space) for w in steps])
+        check_blend_space(space)
+        shapes = [self.shape({**fixed, k: float(w)}, space) for w in steps]
+        return np.array(shapes).reshape(-1, V, 3)
 
     def _vector(self, weights: Weights) -> FloatArray:
         w = np.zeros(self.model.components)
@@ -155,9 +159,10 @@ def draw_codes(
     Raises:
         InputError: `count` or `bound` is negative.
     """
+    checked_instance(model, "model", DeformationModel, remedy="load it with load_model")
     checked_integer(count, "count", least=0)
     checked_integer(seed, "seed", least=0)
-    if bound != np.inf:
+    if not (isinstance(bound, float) and bound == np.inf):
         checked_number(bound, "bound", least=0)
     K, V = model.components, len(model.reference.vertices)
     check_memory(8 * count * (K + 6 * V), f"count: {count} shapes of {V} vertices")
@@ -204,7 +209,8 @@ def transfer_code(source: DeformationModel, target: DeformationModel, z: ArrayLi
 
     Arguments and errors are those of `transfer`.
     """
-    return target.encoder.encode(_source_features(source, target, z)[None])[0]
+    features = _source_features(source, target, z)
+    return target.encoder.encode(features[None])[0]
 
 
 def _source_features(

@@ -17,6 +17,7 @@ from deformer.checks import (
     checked_indices,
     checked_integer,
     checked_number,
+    rounded,
     shortened,
 )
 from deformer.errors import InputError
@@ -117,7 +118,7 @@ def check_target(
     away = np.abs(target - centroid).max() / diagonal
     if away > FARTHEST:
         raise InputError(
-            f"{name} {target.tolist()} is {away:.3g} bounding diagonals away from the model, "
+            f"{name} {target.tolist()} is {rounded(away)} bounding diagonals away from the model, "
             f"expected at most {FARTHEST:g}; check its units"
         )
 
@@ -222,7 +223,7 @@ def check_kinds(
         raise InputError("kinds: expected them or hard=True, got both; leave one out")
     else:
         several = isinstance(kinds, Iterable) and not isinstance(kinds, str)
-        each = list(kinds) if several else [kinds]
+        each = as_array(kinds, "kinds").reshape(-1).tolist() if several else [kinds]
         for kind in each:
             checked_choice(kind, "kinds", KINDS)
         name, chosen = "kinds", np.array(each if several else kinds)

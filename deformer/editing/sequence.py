@@ -117,7 +117,10 @@ def fit_sequence(
     checked_integer(relaxation, "relaxation", least=0)
     if backend is not None:
         checked_choice(backend, "backend", ("numba", "torch"))
-    if device not in ("cpu", "auto"):  # before the solver, which may compile kernels
+    if not isinstance(device, str) or device not in (
+        "cpu",
+        "auto",
+    ):  # before the solver, which may compile kernels
         resolve_device(device)
     # In a motion the body may go anywhere: the rigid motion has the diffuse prior alone.
     solver = HandleSolver(model, rigid=rigid, noise=noise, freedom=1.0)

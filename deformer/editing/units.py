@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from deformer.checks import checked_array, checked_instance
 from deformer.editing.handles import Point, check_points
 from deformer.geometry import FloatArray, SurfacePoints, procrustes
 from deformer.model import DeformationModel
@@ -55,12 +56,15 @@ def unit_warning(
         targets: (H, 3) positions, or (F, H, 3) in F frames, NaN where a handle is not seen. More
             than half of the frames must agree.
     """
+    checked_instance(model, "model", DeformationModel, remedy="load it with load_model")
     reference = model.reference
     chosen = SurfacePoints(check_points(model, vertices), reference.faces)
     points, diagonal = chosen.at(reference.vertices), reference.bounding_diagonal
     if not len(points):
         return None
-    frames = np.asarray(targets, dtype=np.float64).reshape(-1, *points.shape)
+    H = len(points)
+    frames = checked_array(targets, "targets", (H, 3), ("F", H, 3), finite=False)
+    frames = frames.reshape(-1, H, 3)
     frames = frames[[bool(np.isfinite(frame).all(axis=1).any()) for frame in frames]]
     if not len(frames):
         return None

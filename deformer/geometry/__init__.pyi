@@ -14,6 +14,7 @@ from .mesh import (
     IntArray as IntArray,
     Mesh as Mesh,
     MeshSequence as MeshSequence,
+    checked_faces as checked_faces,
     connected_components as connected_components,
     connectivity_hash as connectivity_hash,
     edges as edges,

@@ -18,8 +18,16 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
-def _check_faces(faces: ArrayLike, vertex_count: int) -> IntArray:
+def checked_faces(faces: ArrayLike, vertex_count: int) -> IntArray:
+    """Faces (F, 3) of a mesh of so many vertices, as read-only int64; InputError for others.
+
+    Returns `faces` itself where it is that already.
+    """
     array = as_array(faces, "faces")
+    ready = array.dtype == np.int64 and array.flags.c_contiguous and not array.flags.writeable
+    ready = ready and array.ndim == 2 and array.shape[1] == 3 and len(array) > 0
+    if ready and array.min() >= 0 and array.max() < vertex_count:
+        return array
     if array.ndim != 2 or array.shape[1] != 3 or len(array) == 0:
         raise InputError(
             f"faces: expected an array of shape (F, 3) with F > 0, got {array.shape}; "
@@ -33,7 +41,7 @@ def _check_faces(faces: ArrayLike, vertex_count: int) -> IntArray:
             f"faces[{bad[0]}]: indices {array[bad[0]].tolist()} are outside 0…{vertex_count - 1}; "
             "remove the face or add the missing vertices"
         )
-    return _frozen(array.astype(np.int64))
+    return _frozen(array.astype(np.int64, order="C"))
 
 
 def _check_vertices(vertices: ArrayLike, ndim: int) -> FloatArray:
@@ -74,7 +82,7 @@ class Mesh:
     def __post_init__(self) -> None:
         """Check the arrays and keep read-only copies."""
         object.__setattr__(self, "vertices", _check_vertices(self.vertices, 2))
-        object.__setattr__(self, "faces", _check_faces(self.faces, len(self.vertices)))
+        object.__setattr__(self, "faces", checked_faces(self.faces, len(self.vertices)))
 
     @cached_property
     def bounding_diagonal(self) -> float:
@@ -110,7 +118,7 @@ class MeshSequence:
     def __post_init__(self) -> None:
         """Check the arrays and keep read-only copies."""
         object.__setattr__(self, "vertices", _check_vertices(self.vertices, 3))
-        object.__setattr__(self, "faces", _check_faces(self.faces, self.vertices.shape[1]))
+        object.__setattr__(self, "faces", checked_faces(self.faces, self.vertices.shape[1]))
 
     def __len__(self) -> int:
         """Count the shapes."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.ndimage import uniform_filter1d
 
-from deformer.checks import checked_array
+from deformer.checks import checked_array, checked_choice
 from deformer.errors import InputError
 from deformer.geometry.mesh import FloatArray, edges
 from deformer.geometry.rotations import procrustes
@@ -172,15 +172,14 @@ def _pair(truth: ArrayLike, estimate: ArrayLike) -> tuple[FloatArray, FloatArray
 
 
 def _differences(truth: ArrayLike, estimate: ArrayLike, align: Alignment) -> FloatArray:
+    checked_choice(align, "align", get_args(Alignment))
     p, e = _pair(truth, estimate)
     if align == "none":
         return p - e
     if align == "centroid":
         return (p - p.mean(1, keepdims=True)) - (e - e.mean(1, keepdims=True))
-    if align == "rigid":
-        moved = np.empty_like(e)
-        for n in range(len(e)):
-            R, t = procrustes(e[n], p[n])
-            moved[n] = e[n] @ R.T + t
-        return p - moved
-    raise InputError(f"align: expected 'none', 'centroid' or 'rigid', got {align!r}")
+    moved = np.empty_like(e)
+    for n in range(len(e)):
+        R, t = procrustes(e[n], p[n])
+        moved[n] = e[n] @ R.T + t
+    return p - moved

@@ -8,8 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deformer.checks import as_array, checked_array, checked_indices, checked_integer
-from deformer.errors import InputError
+from deformer.checks import (
+    as_array,
+    checked_array,
+    checked_indices,
+    checked_instance,
+    checked_integer,
+)
 from deformer.geometry.mesh import FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -34,10 +39,13 @@ def farthest_points(
     Raises:
         InputError: `count` is not in 1…V.
     """
+    from deformer.geometry.geodesics import Geodesics  # needs numba's kernels, this module does not
+
+    checked_instance(geodesics, "geodesics", Geodesics, remedy="make them of a mesh")
     V = len(geodesics.mesh.vertices)
-    count = checked_integer(count, "count")
-    if not 1 <= count <= V:
-        raise InputError(f"count: expected 1…{V} points, got {count}")
+    count = checked_integer(count, "count", least=1, most=V, remedy="ask for as many as there are")
+    if seed is not None:
+        checked_integer(seed, "seed", least=0)
     if start is None:
         chosen = [int(np.random.default_rng(seed).integers(V))]
     else:

@@ -10,10 +10,12 @@ from numpy.typing import ArrayLike
 
 from deformer.checks import (
     LARGEST,
+    as_array,
     checked_array,
     checked_instance,
     checked_integer,
     checked_number,
+    shortened,
 )
 from deformer.errors import InputError
 from deformer.geometry.mesh import FloatArray, IntArray, Mesh
@@ -45,6 +47,8 @@ class SurfacePoint:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
+        if isinstance(self.vertices, np.ndarray):
+            object.__setattr__(self, "vertices", self.vertices.reshape(-1).tolist())
         checked_instance(self.vertices, "vertices", Iterable, remedy="give a tuple of indices")
         vertices = tuple(checked_integer(v, "vertices", least=0) for v in self.vertices)
         weights = checked_array(self.weights, "weights", (len(vertices),), largest=LARGEST)
@@ -74,7 +78,11 @@ class SurfacePoint:
         Raises:
             InputError: no such face, or other coordinates.
         """
-        rows = faces.faces if isinstance(faces, Mesh) else faces
+        rows = faces.faces if isinstance(faces, Mesh) else as_array(faces, "faces")
+        if rows.shape != (len(rows) if rows.ndim else 0, 3) or rows.dtype.kind not in "iu":
+            raise InputError(
+                f"faces: expected integers (F, 3) or a Mesh, got {shortened(faces)}; give one"
+            )
         corners = rows[checked_integer(face, "face", least=0, most=len(rows) - 1)]
         b = checked_array(barycentric, "barycentric", (3,))
         if (b < -1e-6).any() or abs(b.sum() - 1) > _SUM_TOLERANCE:

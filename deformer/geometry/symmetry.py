@@ -77,6 +77,7 @@ def symmetry_about(mesh: Mesh, point: ArrayLike, normal: ArrayLike) -> Symmetry:
     Raises:
         InputError: `normal` is zero, or a number is not finite.
     """
+    checked_instance(mesh, "mesh", Mesh, remedy="make one of vertices and faces")
     origin = checked_array(point, "mirror plane: point", (3,))
     direction = checked_array(normal, "mirror plane: normal", (3,))
     length = float(np.linalg.norm(direction))

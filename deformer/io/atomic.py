@@ -36,21 +36,21 @@ def check_file(path: Path) -> None:
     except FileNotFoundError:
         what = "is a link to a file that does not exist" if path.is_symlink() else "does not exist"
         raise InputError(f"{path}: {what}; check the path") from None
-    except (OSError, ValueError) as error:  # ValueError: a null character in the name
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{path}: cannot be read ({reason}); check the path") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
     if not stat.S_ISREG(status.st_mode):
         raise InputError(f"{path}: is a directory, pipe or device, expected a file; check the path")
     if status.st_size == 0:
         raise InputError(f"{path}: is empty, expected contents; export it again")
 
 
-def read_bytes(path: Path) -> bytes:
+def read_bytes(path: PathLike) -> bytes:
     """Contents of the file `path`.
 
     Raises:
         InputError: the file is missing, not readable, empty, or no regular file.
     """
+    path = checked_path(path)
     check_file(path)
     try:
         return path.read_bytes()

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from deformer.checks import checked_path
 from deformer.errors import InputError
 from deformer.geometry import IntArray, Mesh, MeshSequence
 from deformer.io.atomic import PathLike
@@ -22,7 +23,8 @@ def check_copy(source: PathLike, folder: PathLike) -> None:
     Args:
         source, folder: as of `save_copy`.
     """
-    origin, target = Path(source).resolve(), Path(folder).resolve()
+    origin = checked_path(source, "source").resolve()
+    target = checked_path(folder, "folder").resolve()
     if target == origin or target in origin.parents:
         what = "is" if target == origin else "contains"
         raise InputError(f"{folder}: {what} the input {source}, which would be lost; choose "

@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from deformer.checks import LARGEST, shortened
+from deformer.checks import LARGEST, checked_integer, shortened
 from deformer.errors import InputError
 from deformer.geometry import IntArray, SurfacePoint, plain_point
 from deformer.io.atomic import PathLike, atomic_path
@@ -23,11 +23,16 @@ def write_json(path: PathLike, data: Any) -> None:
         data: values that `json` writes, numpy arrays and numpy numbers.
 
     Raises:
-        InputError: the directory is missing or not writable.
-        ValueError: a number is not finite, which JSON cannot represent.
-        TypeError: a value is of another type.
+        InputError: the directory is missing or not writable, a number is not finite, which JSON
+            cannot represent, or a value is of another type.
     """
-    text = json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False, default=_plain)
+    try:
+        text = json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False, default=_plain)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise InputError(
+            f"{path}: cannot be written as JSON ({error}); give finite numbers, texts, lists and "
+            "dicts"
+        ) from error
     with atomic_path(path) as temporary:
         # Names of files may have bytes that are no text; JSON writes them as \udcff.
         temporary.write_bytes(f"{text}\n".encode(errors="backslashreplace"))
@@ -66,6 +71,7 @@ def load_split(path: PathLike, count: int) -> dict[str, list[int]]:
         InputError: a list is missing, an index is no integer, out of range or given twice, or
             `train` is empty.
     """
+    checked_integer(count, "count", least=0)
     data = read_value(path)
     owner: dict[int, str] = {}
     for part in ("train", "test"):
@@ -131,6 +137,7 @@ def load_handles(path: PathLike, vertex_count: int, faces: IntArray | None = Non
         InputError: a key or value is missing or wrong, or no handle is seen at all; the message
             names frame and handle.
     """
+    checked_integer(vertex_count, "vertex_count", least=0)
     data = read_value(path)
     if ("handles" in data) == ("frames" in data):
         raise InputError(

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any, TypeVar
 
 from deformer.checks import (
@@ -17,6 +17,7 @@ from deformer.checks import (
     checked_flag,
     checked_integer,
     checked_number,
+    checked_path,
     checked_text,
     is_unicode,
     shortened,
@@ -150,7 +151,7 @@ def read_value(path: PathLike) -> JsonValue:
         InputError: the file is missing, not JSON, contains something else, or a number or text
             that JSON cannot represent.
     """
-    path = Path(path)
+    path = checked_path(path)
     return parse_value(read_bytes(path), path)
 
 
@@ -164,22 +165,36 @@ def parse_value(content: str | bytes, source: PathLike) -> JsonValue:
     Raises:
         InputError: as `read_value`.
     """
+    if not isinstance(content, str | bytes):
+        raise InputError(f"{source}: expected the text of a file, got {shortened(content)}")
     try:
-        data = json.loads(content, object_pairs_hook=_object)
+        data = json.loads(content, object_pairs_hook=_object, parse_int=_integer)
     except json.JSONDecodeError as error:
         raise InputError(
             f"{source}, line {error.lineno}: not JSON ({error.msg}); correct the line"
         ) from error
-    except (ValueError, RecursionError, MemoryError) as error:
-        reason = str(error).split(";")[0] or "more than memory holds"
-        raise InputError(f"{source}: not JSON ({reason}); write the file again") from error
-    if not isinstance(data, dict):
+    except UnicodeDecodeError as error:
         raise InputError(
-            f"{source}: a JSON {type(data).__name__}, expected an object {{…}}; wrap it"
-        )
+            f"{source}: not JSON (byte {error.start} is no UTF-8); write the file again"
+        ) from error
+    except RecursionError as error:
+        raise _too_deep(source) from error
+    except MemoryError as error:
+        raise InputError(f"{source}: takes more than memory holds; write less into it") from error
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from error
+    if not isinstance(data, dict):
+        raise InputError(f"{source}: a JSON {_name(data)}, expected an object {{…}}; wrap it")
     root = JsonValue(data, source)
     _refuse_unwritable(root)
     return root
+
+
+def _name(value: Any) -> str:
+    """What JSON calls the kind of a value."""
+    if value is None or isinstance(value, bool):
+        return json.dumps(value)
+    return "list" if isinstance(value, list) else "text" if isinstance(value, str) else "number"
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -188,8 +203,26 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(found) < len(pairs):
         seen: set[str] = set()
         twice = next(key for key, _ in pairs if key in seen or seen.add(key))
-        raise ValueError(f"key {shortened(twice)} is given twice")
+        raise InputError(f"key {shortened(twice)} is given twice, expected each once; remove one")
     return found
+
+
+def _integer(digits: str) -> int:
+    """An integer; Python refuses thousands of digits with advice on its own settings."""
+    try:
+        return int(digits)
+    except ValueError:
+        raise InputError(
+            f"an integer of {len(digits)} digits, expected at most {sys.get_int_max_str_digits()}; "
+            "correct it"
+        ) from None
+
+
+def _too_deep(source: object) -> InputError:
+    return InputError(
+        f"{source}: lists and objects are nested more than {_DEEPEST} deep, expected fewer; write "
+        "the file again"
+    )
 
 
 def _refuse_unwritable(root: JsonValue) -> None:
@@ -205,7 +238,7 @@ def _refuse_unwritable(root: JsonValue) -> None:
     if isinstance(place.value, str):
         raise place.error("a text")
     if len(path) == _DEEPEST:
-        raise InputError(f"{root}: nested more than {_DEEPEST} deep; write the file again")
+        raise _too_deep(root)
     raise place.error("keys that are texts")
 
 

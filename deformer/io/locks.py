@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from deformer.checks import checked_path
+from deformer.checks import LARGEST, checked_number, checked_path
 from deformer.errors import InputError
 from deformer.io.atomic import PathLike, check_parent
 
@@ -35,6 +35,7 @@ def locked(path: PathLike, wait: float = 0.0) -> Iterator[None]:
     from filelock import FileLock, Timeout  # imports asyncio
 
     target = checked_path(path, "path").resolve()
+    checked_number(wait, "wait", least=0, most=LARGEST)
     key = threading.get_ident(), target
     if key in _held:
         yield

@@ -119,7 +119,7 @@ def shape_files(path: PathLike) -> list[Path]:
         InputError: a directory without meshes, with several formats, or with something named as a
             mesh that is no file.
     """
-    source = Path(path)
+    source = checked_path(path)
     return _shape_files(source) if source.is_dir() else [source]
 
 
@@ -191,7 +191,7 @@ def check_shapes_output(path: PathLike) -> None:
     Raises:
         InputError: as `save_shapes` would raise.
     """
-    target = Path(path)
+    target = checked_path(path)
     if target.suffix.lower() == ".npz":
         check_output_file(target)
     elif target.suffix.lower() in MESH_SUFFIXES:
@@ -219,6 +219,7 @@ def write_npz(path: PathLike, arrays: Mapping[str, Any]) -> None:
     Raises:
         InputError: the directory is missing or not writable.
     """
+    checked_instance(arrays, "arrays", Mapping, remedy="give a dict")
     # Through a stream: numpy would append a suffix to a name that has none.
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
         np.savez_compressed(stream, **arrays)

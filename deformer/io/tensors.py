@@ -12,6 +12,13 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import load_file, save_file
 
+from deformer.checks import (
+    as_array,
+    checked_instance,
+    checked_path,
+    checked_text,
+    shortened,
+)
 from deformer.errors import InputError
 from deformer.io.atomic import PathLike, atomic_path, check_file
 from deformer.io.json_values import JsonValue, parse_value
@@ -21,26 +28,26 @@ from deformer.io.json_values import JsonValue, parse_value
 _LONGEST_HEADER = 1_000_000
 
 
-def read_tensors(path: Path) -> dict[str, NDArray]:
+def read_tensors(path: PathLike) -> dict[str, NDArray]:
     """Arrays of a file by their names.
 
     Raises:
         InputError: the file is missing or damaged, or its size is not the one that it declares.
     """
-    _check_header(path)
+    path = _checked(path)
     try:
         return load_file(path)
     except Exception as error:  # of several kinds, and not documented
         raise _damaged(path, error) from error
 
 
-def read_metadata(path: Path, name: str) -> JsonValue:
+def read_metadata(path: PathLike, name: str) -> JsonValue:
     """The JSON object that `write_tensors` was given as metadata of that name.
 
     Raises:
         InputError: the file is missing or damaged, or has no such metadata.
     """
-    _check_header(path)
+    path = _checked(path)
     try:
         with safe_open(path, "numpy") as file:
             text = (file.metadata() or {}).get(name)
@@ -65,7 +72,15 @@ def write_tensors(
         InputError: as `atomic_path` raises.
         OSError: writing failed.
     """
-    contiguous = {name: np.asarray(array, order="C") for name, array in arrays.items()}
+    checked_instance(arrays, "arrays", Mapping, remedy="give a dict")
+    if metadata is not None:
+        checked_instance(metadata, "metadata", Mapping, remedy="give a dict of texts")
+    for name, text in (metadata or {}).items():
+        checked_text(text, f"metadata: {shortened(name)}")
+    contiguous = {name: np.asarray(as_array(a, name), order="C") for name, a in arrays.items()}
+    for name, array in contiguous.items():
+        if array.dtype.kind not in "fiub":
+            raise InputError(f"{name}: expected numbers, got {shortened(array)}; leave it out")
     with atomic_path(path) as temporary:
         _save(temporary, contiguous, metadata)
 
@@ -79,7 +94,9 @@ def _save(path: Path, arrays: dict[str, NDArray], metadata: dict[str, str] | Non
         raise OSError(number, str(error).removeprefix("Error while serializing: ")) from error
 
 
-def _check_header(path: Path) -> None:
+def _checked(path: PathLike) -> Path:
+    """The path of a file whose header is of a usual size."""
+    path = checked_path(path)
     check_file(path)
     with path.open("rb") as file:
         length = int.from_bytes(file.read(8), "little")
@@ -88,6 +105,7 @@ def _check_header(path: Path) -> None:
             f"{path}: a header of {length} bytes, expected at most {_LONGEST_HEADER}; "
             "restore the file"
         )
+    return path
 
 
 def _damaged(path: Path, error: Exception) -> InputError:

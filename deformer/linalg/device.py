@@ -23,7 +23,7 @@ def resolve_device(device: str) -> torch.device:
     """
     kind, _, number = device.partition(":") if isinstance(device, str) else ("", "", "")
     known = kind in ("cpu", "cuda", "mps") and (":" not in device or number.isdecimal())
-    if device != "auto" and not known:
+    if not known and not (isinstance(device, str) and device == "auto"):
         raise InputError(
             f"device: expected cpu, cuda, mps or auto, got {shortened(device)}; choose one"
         )

@@ -145,7 +145,8 @@ class DeformationModel:
 
     def label(self, component: int) -> str:
         """Display name of a component: its name, or "component 3"."""
-        return self.component_names.get(component, f"component {component}")
+        k = self.component(component)
+        return self.component_names.get(k, f"component {k}")
 
     @property
     def components(self) -> int:

@@ -129,8 +129,11 @@ def save_names(path: str | Path, names: Mapping[int, str]) -> DeformationModel:
         InputError: no such model, a shipped one, names that `check_names` rejects, or another
             process is writing the model.
     """
-    if not Path(path).is_dir() and str(path) in shipped_models():
-        raise InputError(f"{path}: a shipped model keeps its names; save a copy under another one")
+    if not checked_path(path).is_dir() and str(path) in shipped_models():
+        raise InputError(
+            f"{path}: a shipped model keeps its names; name those of a copy, as with "
+            f"`deformer name {path} 3=nod -o my-{path}`"
+        )
     # Between reading and writing another process must neither name components nor save a model.
     with locked(path, _WAIT):
         model = load_model(path).with_component_names(names)
@@ -192,6 +195,12 @@ def _read(folder: Path, path: str | Path) -> DeformationModel:
     if not folder.is_dir():
         raise InputError(
             f"{path}: no such model; give a model directory, or one of the shipped models: "
+            f"{', '.join(shipped_models()) or 'none'}"
+        )
+    if not (folder / _FILES[0]).is_file():
+        raise InputError(
+            f"{folder / _FILES[0]}: missing, so {path} is no model; give a directory that "
+            f"`deformer train` has written, with {', '.join(_FILES)}, or a shipped model: "
             f"{', '.join(shipped_models()) or 'none'}"
         )
     for name in _FILES:

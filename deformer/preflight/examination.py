@@ -44,6 +44,8 @@ def examine(shapes: MeshSequence, names: Sequence[str] | None = None) -> Report:
         InputError: another number of names than shapes.
     """
     checked_instance(shapes, "shapes", MeshSequence, remedy="load shapes with load_shapes")
+    if names is not None:
+        checked_instance(names, "names", Sequence, remedy="give a list of names")
     if names is not None and len(names) != len(shapes):
         raise InputError(f"names: got {len(names)}, expected one for each of {len(shapes)} shapes")
     label = Labels(names)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import KDTree
 
+from deformer.checks import rounded
 from deformer.geometry import FloatArray, IntArray, MeshSequence
 from deformer.preflight.report import Finding, Labels
 from deformer.preflight.statistics import Statistics
@@ -73,7 +74,8 @@ def reordered(measures: Statistics, label: Labels) -> list[Finding]:
     on_a_line = measures.sigma[:, 1] < _LINE * measures.sigma[:, 0]
     for n in np.flatnonzero(~on_a_line).tolist():
         if rough[n] > max(limit, 1.5 * usual) and measures.spread[n] > 0.25:
-            findings.append(_order(label, n, None, f"edges are {rough[n] / usual:.3g} times as "
+            times = rounded(rough[n] / usual)
+            findings.append(_order(label, n, None, f"edges are {times} times as "
                                    "long as usual while its size is as usual"))  # fmt: skip
         elif len(measures.far.get(n, ())) > max(5, _MANY * measures.shapes.vertices.shape[1]):
             off = np.union1d(measures.long[n], measures.far[n])
@@ -199,7 +201,7 @@ def sizes(measures: Statistics, excluded: set[int], label: Labels) -> list[Findi
             continue
         found = (int(n) for n in members)
         verb = "is" if len(members) == 1 else "are"
-        text = f"{label(members.tolist())} {verb} {ratio:.3g} times as large as the others"
+        text = f"{label(members.tolist())} {verb} {rounded(ratio)} times as large as the others"
         if unit is None:
             text += (
                 ", a factor between no two usual units, expected about 1; export again, or scale "

@@ -9,6 +9,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse import csgraph
 
+from deformer.checks import checked_instance
 from deformer.geometry import FloatArray, IntArray, MeshSequence, align, edges
 from deformer.preflight.connectivity import half_edges, isolated_vertices, same_place
 from deformer.preflight.examination import examine
@@ -53,6 +54,7 @@ def repair_shapes(shapes: MeshSequence, names: Sequence[str] | None = None) -> R
         shapes: at least one shape.
         names: as of `examine`.
     """
+    checked_instance(shapes, "shapes", MeshSequence, remedy="load shapes with load_shapes")
     label = Labels(names)
     work = _Work(shapes, label)
     for _ in range(_ROUNDS):

@@ -6,6 +6,7 @@ before it has one file of arrays.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 from collections.abc import Iterator, Mapping
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deformer.checks import LARGEST, checked_array
+from deformer.checks import LARGEST, checked_array, checked_path
 from deformer.errors import InputError
 from deformer.io import (
     JsonValue,
@@ -44,6 +45,7 @@ _WRITTEN = {
 
 def has_checkpoint(folder: str | Path) -> bool:
     """True if `folder` contains a checkpoint, of the training or of a stage before it."""
+    folder = checked_path(folder, "checkpoint")
     return has_trained(folder) or any(_stage(folder, name).is_file() for name in _STAGES)
 
 
@@ -63,7 +65,7 @@ def check_checkpoint(folder: str | Path) -> None:
 
 def remove_checkpoint(folder: str | Path) -> None:
     """Remove a checkpoint, and `folder` if that was all it held."""
-    folder = Path(folder)
+    folder = checked_path(folder, "checkpoint")
     if not folder.is_dir():
         return
     # The description first: what a crash leaves of the others is then no checkpoint.
@@ -148,6 +150,21 @@ def check_arrays(file: Path, found: Mapping[str, NDArray], expected: Mapping[str
         checked_array(found[name], f"{file}: {name}", largest=LARGEST, remedy=_REMEDY)
 
 
+def check_state(arrays: Mapping[str, NDArray], epoch: int) -> None:
+    """Check, before it is saved, that a training's state can be loaded again.
+
+    Raises:
+        InputError: an array is not finite, or too large: the training has diverged.
+    """
+    for name, array in arrays.items():
+        checked_array(
+            array,
+            f"training: diverged by epoch {epoch}: {name}",
+            largest=LARGEST,
+            remedy="check the shapes (deformer check), or train with another configuration",
+        )
+
+
 @contextmanager
 def blamed(place: Path | None) -> Iterator[None]:
     """Let a failure within the block name the checkpoint that the block works with.
@@ -188,7 +205,10 @@ class Stages:
         if self._folder is None or not (where := _stage(self._folder, name)).is_file():
             return None
         self.check(name)
-        return read_tensors(where)
+        arrays = read_tensors(where)
+        if read_metadata(where, "identity")["arrays"].value != _digest(arrays):
+            raise InputError(f"{where}: altered since it was written; {_REMEDY}")
+        return arrays
 
     def place(self, name: str) -> str:
         """What messages call a stage: its file, where there is one."""
@@ -205,8 +225,8 @@ class Stages:
         if self._folder is None:
             return
         self._folder.mkdir(parents=True, exist_ok=True)
-        where = _stage(self._folder, name)
-        write_tensors(where, arrays, {"identity": json.dumps(self._identity)})
+        identity = {**self._identity, "arrays": _digest(arrays)}
+        write_tensors(_stage(self._folder, name), arrays, {"identity": json.dumps(identity)})
 
 
 def check_identity(folder: str | Path, identity: dict[str, Any]) -> None:
@@ -229,6 +249,15 @@ def check_identity(folder: str | Path, identity: dict[str, Any]) -> None:
 
 def _stage(folder: str | Path, name: str) -> Path:
     return Path(folder) / f"{name}.safetensors"
+
+
+def _digest(arrays: Mapping[str, NDArray]) -> str:
+    """SHA-256 of arrays and their names."""
+    found = hashlib.sha256()
+    for name, array in sorted(arrays.items()):
+        found.update(f"{name} {array.dtype} {array.shape}".encode())
+        found.update(np.ascontiguousarray(array).data)
+    return found.hexdigest()
 
 
 def _kind(array: NDArray | None) -> str:

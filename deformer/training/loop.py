@@ -14,7 +14,12 @@ from numpy.typing import NDArray
 from deformer.errors import InputError
 from deformer.geometry import FloatArray
 from deformer.network import ModelConfig, NetworkWeights
-from deformer.training.checkpoints import check_arrays, load_checkpoint, save_checkpoint
+from deformer.training.checkpoints import (
+    check_arrays,
+    check_state,
+    load_checkpoint,
+    save_checkpoint,
+)
 from deformer.training.interrupts import DeferredInterrupt
 
 _CHECKPOINT_SECONDS = 30.0
@@ -136,7 +141,8 @@ def run_training(
         on_progress: called after every step.
 
     Raises:
-        InputError: there is no checkpoint to resume, or it is of another identity.
+        InputError: there is no checkpoint to resume, it is of another identity, or the training has
+            diverged where it would be saved; a checkpoint from before stays.
     """
     epoch, seconds = 0, 0.0
     if resume:
@@ -155,6 +161,7 @@ def run_training(
         if checkpoint is not None:
             status, arrays = trainee.state()
             status = {"epoch": epoch, "seconds": seconds, **status}
+            check_state(arrays, epoch)
             save_checkpoint(checkpoint, identity, status, arrays)
 
     try:

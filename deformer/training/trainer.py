@@ -99,7 +99,10 @@ def train(
     settings = resolve_config(config, components=components, epochs=epochs, align=align_shapes)
     checked_integer(seed, "seed", least=0, most=2**63 - 1)
     checked_flag(resume, "resume")
-    if device not in ("cpu", "auto"):  # torch takes seconds to import; Adam alone needs it
+    if not isinstance(device, str) or device not in (
+        "cpu",
+        "auto",
+    ):  # torch takes seconds to import; Adam alone needs it
         resolve_device(device)
     checked_choice(up, "up", ("x", "y", "z", "-x", "-y", "-z"))
     if resume and (checkpoint is None or not has_checkpoint(checkpoint)):

@@ -1,9 +1,9 @@
 """Truths of the warning about handle targets in other units than the model."""
 
+import copy
 import json
 import logging
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -94,7 +94,9 @@ def test_markers_of_a_sheet_in_millimetres():
     sheet = Mesh(np.stack([x, y, 0 * x], axis=2).reshape(-1, 3), [[0, 1, 6]])
     file = json.loads((Path(__file__).parent / "millimetres.json").read_text())["handles"]
     vertices, targets = ([handle[key] for handle in file] for key in ("vertex", "position"))
-    warning = unit_warning(SimpleNamespace(reference=sheet), vertices, targets)
+    model = copy.copy(small_model())
+    object.__setattr__(model, "reference", sheet)  # all that the warning looks at
+    warning = unit_warning(model, vertices, targets)
     assert "span about 1000 times" in warning and "scale them by 0.001" in warning
 
 

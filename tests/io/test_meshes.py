@@ -763,8 +763,8 @@ def test_json_round_trip_with_numpy_values(tmp_path):
     text = (tmp_path / "a.json").read_text(encoding="utf-8")
     assert json.loads(text) == {"z": [0.0, 1.0], "n": 3, "é": None}
     assert text.endswith("}\n")
-    for bad, kind in ((float("nan"), ValueError), (object(), TypeError)):
-        with pytest.raises(kind):
+    for bad in (float("nan"), object()):
+        with pytest.raises(InputError, match=r"a\.json: cannot be written as JSON"):
             io.write_json(tmp_path / "a.json", {"x": bad})
     assert (tmp_path / "a.json").read_text(encoding="utf-8") == text
 
@@ -783,7 +783,7 @@ def test_split(tmp_path):
         ('{"train": [0]', ["line 1"]),
         ('{\n"train": [0],\n}', ["line 3"]),
         ("[0, 1]", ["list", "object"]),
-        ("[" * 100_000, ["not JSON"]),
+        ("[" * 100_000, ["nested more than 100 deep"]),
         (b"\xff\xfe\xff", ["not JSON"]),
         ('{"train": [0]}', ["'test'"]),
         ('{"train": 3, "test": []}', ["train", "a list"]),

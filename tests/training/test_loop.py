@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import load_file
 
+from deformer import InputError
 from deformer.training import loop as training_loop
 from deformer.training.checkpoints import has_checkpoint
 from deformer.training.loop import TrainingProgress, run_training
@@ -112,6 +113,29 @@ def test_without_a_folder_nothing_is_written(tmp_path, monkeypatch):
     course = run_training(Counting(), 9, IDENTITY, on_progress=at(4, interrupt))
     assert course.interrupted and course.epochs == 4
     assert not has_checkpoint(tmp_path) and not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e30])
+@pytest.mark.parametrize("when", [6, 8], ids=["between", "at the end"])
+def test_a_training_that_diverges_leaves_the_checkpoint_before_it(
+    tmp_path, monkeypatch, value, when
+):
+    now = [0.0]
+    monkeypatch.setattr(training_loop.time, "monotonic", lambda: now[0])
+
+    class Diverging(Counting):
+        def state(self):
+            total = value if len(self.steps) >= when else float(self.total)
+            return {}, {"total": np.array(total)}
+
+    def tick(progress):
+        now[0] += 12.0
+
+    with pytest.raises(InputError, match=f"training: diverged by epoch {when}: total"):
+        run_training(Diverging(), 8, IDENTITY, checkpoint=tmp_path, on_progress=tick)
+    status = json.loads((tmp_path / "checkpoint.json").read_text())
+    assert status["epoch"] == (3 if when == 6 else 6)
+    assert np.isfinite(load_file(tmp_path / status["arrays"])["total"])
 
 
 def test_other_errors_pass_through(tmp_path):

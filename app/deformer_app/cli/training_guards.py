@@ -75,9 +75,7 @@ def kept_if_cut_short(checkpoint: Path) -> Iterator[None]:
     except OSError as error:
         if not deformer.has_checkpoint(checkpoint):
             raise
-        raise InputError(
-            f"{error.filename or 'system'}: {error.strerror or error}; {how_to_go_on(checkpoint)}"
-        ) from error
+        raise InputError(f"{console.system_mistake(error)}; {how_to_go_on(checkpoint)}") from error
 
 
 def how_to_go_on(checkpoint: Path) -> str:

@@ -10,6 +10,7 @@ import jinja2
 from markupsafe import Markup
 
 from deformer.io import atomic_path
+from deformer_app import console
 from deformer_app.report.parts import Section
 
 
@@ -42,4 +43,4 @@ def write_page(
         facts=facts,
     )
     with atomic_path(path) as temporary:
-        temporary.write_bytes(text.encode(errors="backslashreplace"))
+        temporary.write_bytes(text.encode(errors=console.READABLE))

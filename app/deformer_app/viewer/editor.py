@@ -6,6 +6,7 @@ there is time, and listens to `on_change`.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -42,6 +43,7 @@ from deformer_app.viewer.target import Target, load_alike
 from deformer_app.viewer.view_state import ViewState
 from deformer_app.viewer.worker import Jobs, in_background
 
+_CLOSING = 5.0  # seconds that closing waits for the last pose
 _SELECT = "Select a handle first: click it, or a row of the list"
 
 
@@ -135,18 +137,21 @@ class Editor:
         self._note_units()
 
     def save_session(self, path: str | Path) -> None:
-        """Write the session to a file."""
+        """Write the session to a file, with the pose of its present state."""
+        self.wait_for_pose()
         self.session.view = self.state.as_json()
         self.session.save(path)
         self._announce(HistoryChanged())
 
     def write_copy(self, path: str | Path) -> None:
-        """Write the session to a file; it still counts as unsaved."""
+        """Write the session, as `save_session` does, to a file; it still counts as unsaved."""
+        self.wait_for_pose()
         self.session.view = self.state.as_json()
         self.session.write_copy(path)
 
     def close(self) -> None:
-        """End the solver's thread."""
+        """End the solver's thread, with the pose of the present state."""
+        self.wait_for_pose(_CLOSING)
         if self._display is not None:
             self._display.close()
 
@@ -166,6 +171,14 @@ class Editor:
     def vertices(self) -> NDArray[np.float64]:
         """The surface (V, 3) of the newest pose."""
         return self.model.reference.vertices if self.answer is None else self.answer.pose.vertices
+
+    def wait_for_pose(self, seconds: float = math.inf) -> None:
+        """Wait at most so long until `vertices` is the pose of the present state.
+
+        Does not wait for the solver to be prepared.
+        """
+        if self._display is not None and not self.preparing:
+            self._display.wait_for_pose(seconds)
 
     @property
     def code(self) -> NDArray[np.float64]:

@@ -5,18 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 
 from deformer import InputError, Mesh, io
-from deformer_app.rendering.offscreen import save_picture
+from deformer_app.rendering.sheets import save_sheet
 from deformer_app.viewer.editor import Editor
 
 
 def export_pose(editor: Editor, path: str | Path) -> None:
-    """Write the surface of the newest pose as a mesh file.
+    """Write the surface of the final pose as a mesh file.
 
     Raises:
         InputError: there is no pose yet.
     """
     if editor.preparing:
         raise InputError(f"{path}: the solver is still being prepared; try again in a moment")
+    editor.wait_for_pose()
     io.save_mesh(path, Mesh(editor.vertices, editor.model.reference.faces))
 
 
@@ -35,4 +36,4 @@ def export_handles(editor: Editor, path: str | Path) -> None:
 
 def save_screenshot(editor: Editor, path: str | Path) -> None:
     """Write the current picture with anti-aliasing."""
-    save_picture(path, editor.state.view.picture())
+    save_sheet(Path(path), editor.state.view.picture())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -104,12 +105,7 @@ class PoseDisplay:
         Args:
             dragging: true while a button of the mouse is down.
         """
-        for error in self.poses.errors():
-            self._announce(MistakeMade.of(error))
-        before = self.poses.answer
-        answer = self.poses.poll()
-        if answer is not None:
-            self._show(before, answer)
+        answer = self._fetch()
         state = self._state
         wait = self.poses.is_worth_waiting_for(state.seconds_since_frame, self._session.under_way)
         if state.is_stale and (answer is not None or not wait):
@@ -119,6 +115,23 @@ class PoseDisplay:
             self._announce(FrameDrawn())
         elif not dragging:
             state.sharpen_at_rest()
+
+    def wait_for_pose(self, seconds: float = math.inf) -> None:
+        """Wait at most so long for the pose last asked for, most often a fraction of a second."""
+        end = time.monotonic() + seconds
+        while self.poses.busy and time.monotonic() < end:
+            self._fetch()
+            time.sleep(0.001)
+
+    def _fetch(self) -> Answer | None:
+        """Fetch what the solver has; the newest answer, if there is a new one."""
+        for error in self.poses.errors():
+            self._announce(MistakeMade.of(error))
+        before = self.poses.answer
+        answer = self.poses.poll()
+        if answer is not None:
+            self._show(before, answer)
+        return answer
 
     def _show(self, before: Answer | None, answer: Answer) -> None:
         """Show an answer; `before` is the previous one."""

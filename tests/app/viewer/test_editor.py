@@ -22,7 +22,7 @@ from deformer_app.viewer.changes import FrameDrawn, MistakeMade, NoticeGiven
 from deformer_app.viewer.edit import Handle
 from deformer_app.viewer.editor import Editor
 from deformer_app.viewer.exports import export_handles, export_pose, save_screenshot
-from deformer_app.viewer.gizmo import rotation
+from deformer_app.viewer.gizmo import rotation, translation
 from deformer_app.viewer.model_files import start_codes
 from deformer_app.viewer.pose_worker import PoseWorker, replay
 from deformer_app.viewer.recording import Recorder, save_turntable
@@ -69,6 +69,33 @@ def finish(editor):
     """Tick until nothing is left to do."""
     editor.tick()
     wait_for(lambda: not editor.busy, editor.tick, pause=0.001)
+
+
+@pytest.mark.parametrize("write", ["export", "save", "copy", "close"])
+def test_what_is_written_has_the_pose_that_was_last_asked_for(editor, tmp_path, write):
+    """However early after a step: the solver has shown an earlier pose, or none of this state."""
+    editor.place(100)
+    editor.set_kind("exact")
+    finish(editor)
+    editor.move_selected(translation([0.3, 0.2, 0.1]))
+    finish(editor)
+    for n in range(2, 5):
+        editor.move_selected(translation([0.3 * n, 0.2, 0.1]))
+        editor.tick()
+    editor.commit("Drag")
+    if write == "export":
+        export_pose(editor, tmp_path / "pose.ply")
+    elif write != "close":
+        (editor.save_session if write == "save" else editor.write_copy)(tmp_path / "work.json")
+    else:
+        editor.close()
+        editor.session.save(tmp_path / "work.json")
+    assert editor.answer.final and editor.answer.request.edit == editor.edit
+    if write == "export":
+        found = io.load_mesh(tmp_path / "pose.ply").vertices
+    else:
+        found = replay(Session.load(tmp_path / "work.json"), editor.model).vertices
+    np.testing.assert_allclose(found, editor.vertices, atol=1e-6)
 
 
 @pytest.fixture
