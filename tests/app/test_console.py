@@ -1,5 +1,6 @@
 """Ctrl-C at any moment of a command: one line and status 130."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -78,3 +79,17 @@ def test_what_a_library_makes_of_ctrl_c_is_no_traceback(heeded, capsys):
     with pytest.raises(ImportError):
         console.run(failing(pressed=False), ["command"])
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_what_the_system_refuses_comes_with_a_remedy():
+    full = OSError(errno.ENOSPC, "No space left on device", "out.ply")
+    assert console.system_mistake(full) == (
+        "out.ply: No space left on device; free some space, or choose another place"
+    )
+    assert console.system_mistake(OSError(errno.EIO, "broken")).startswith("system: broken; ")
+
+
+def test_bytes_of_names_and_pairs_and_thousands_are_readable():
+    assert "a\udcff\u00e9".encode("ascii", console.READABLE) == rb"a\xff\xe9"
+    assert console.brief([[0, 3], [1, 4]]) == "(0, 3), (1, 4)"
+    assert console.brief(12345.6) == "12350" and console.brief(1e9) == "1e+09"

@@ -21,6 +21,14 @@ from deformer_app.report import report
 _PACKAGES = ("deformer", "numpy", "scipy", "torch", "numba", "libigl", "potpourri3d", "pyvista")
 # Entries of a run's directory; one of them exists soon after the run has started.
 _RUN_ENTRIES = ("journal.jsonl", "models", "examples")
+# Files that a run replaces, and how they begin.
+_WRITTEN = {
+    "journal.jsonl": rb'\{"key": "|$',
+    "results.json": rb'\[\s*(\{\s*"dataset": |\])',
+    "results.csv": b"dataset,method,protocol,",
+    "run.json": rb'\{\s*"command": "',
+    "report.html": rb'.*<meta name="generator" content="deformer">',
+}
 
 
 @dataclass(frozen=True)
@@ -215,6 +223,12 @@ def _check_output(output: Path) -> None:
         raise deformer.InputError(
             f"{output}: holds something other than an evaluation; choose another directory"
         )
+    for name, beginning in _WRITTEN.items():
+        if name in entries and not io.begins_with(output / name, beginning):
+            raise deformer.InputError(
+                f"{output}: already holds {name!r}, which no evaluation has written; choose "
+                "another directory or move that file away"
+            )
 
 
 def _facts(study: Study) -> dict[str, Any]:

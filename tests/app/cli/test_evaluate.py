@@ -166,6 +166,25 @@ def row(dataset, method, protocol, count, seed, metric, value):
     return dict(zip(COLUMNS, (dataset, method, protocol, count, seed, metric, value), strict=True))
 
 
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("journal.jsonl", '{"my": "notes"}'),
+        ("results.json", '{"mine": true}'),
+        ("results.csv", "name,score"),
+        ("run.json", '{"pace": 5}'),
+        ("report.html", "<html><title>mine</title></html>"),
+    ],
+)
+def test_files_that_only_have_a_runs_names_are_left_alone(run, folder, tmp_path, name, content):
+    (tmp_path / "models").mkdir()
+    (tmp_path / "journal.jsonl").write_text("")
+    (tmp_path / name).write_text(content)
+    status, _, err = run("bar.npz", "-o", tmp_path, *OPTIONS)
+    assert status == 2 and f"already holds {name!r}" in err
+    assert (tmp_path / name).read_text() == content
+
+
 def test_tables_show_spread_and_failures():
     rows = [row("s", "a", "sparse_control", 5, seed, "E_rms", v) for seed, v in enumerate((10, 14))]
     rows += [row("s", "b", "sparse_control", 5, 0, "E_rms", 20.0)]
