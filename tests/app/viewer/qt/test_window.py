@@ -308,19 +308,25 @@ class Person:
         """Wait until the program is prepared for drags, as its title says."""
         self.window = self.wait(lambda: self.windows(" Deformer$"))[-1]
 
-    def answer(self, title, file):
-        """Type the name of a file into a dialog, which writes it.
+    def write(self, key, title, file):
+        """Open a dialog by a key and type the name of a file that it writes.
 
         Again where keys were lost: a dialog that has the focus may not take keys yet.
         """
-        (number,) = self.wait(lambda: self.windows(title))
-        while number in self.windows(title):
-            self._wait_a_little(lambda: self.xdotool("getwindowfocus").split() == [number])
-            self.xdotool("key", "ctrl+a")
-            self.xdotool("type", str(file))
-            self.xdotool("key", "Return")
-            self._wait_a_little(lambda: number not in self.windows(title))
-        self.wait(file.is_file)
+
+        def has_focus():
+            return self.xdotool("getwindowfocus").split() == self.windows(title)
+
+        while not file.is_file():
+            if not self.windows(title):
+                self.key(key)
+            self._wait_a_little(has_focus)
+            if has_focus():  # else its letters would be keys of the window
+                self.xdotool("key", "ctrl+a")
+                self.xdotool("type", str(file))
+            if self.windows(title):  # or a question about a name of which letters were lost
+                self.xdotool("key", "Return")
+            self._wait_a_little(file.is_file)
 
     def steps(self):
         """Labels of the history up to the entry that is shown."""
@@ -386,8 +392,7 @@ def test_a_person_poses_the_shipped_figure_and_finds_it_as_it_was_left(display, 
 
     def exported(person, name):
         path = tmp_path / name
-        person.key("ctrl+e")
-        person.answer("Export pose", path)
+        person.write("ctrl+e", "Export pose", path)
         return deformer.load_mesh(path).vertices
 
     try:
@@ -401,8 +406,7 @@ def test_a_person_poses_the_shipped_figure_and_finds_it_as_it_was_left(display, 
             person.wait(lambda count=count: len(person.steps()) == count + 1)
             person.key("p")
             person.wait(lambda count=count: len(person.steps()) == count + 2)
-        person.key("ctrl+shift+s")
-        person.answer("Save session", file)
+        person.write("ctrl+shift+s", "Save session", file)
         found = {h.kind: reference[h.vertices[0]] for h in saved().edit.handles}
         assert len(saved().edit.handles) == 3
         assert found["pin"][2] < 0.15 < 0.6 < found["soft"][2], "feet are low, the hand is not"
