@@ -24,10 +24,12 @@ from .analysis import (
 from .editing import (
     Handle as Handle,
     HandleSolver as HandleSolver,
+    Layout as Layout,
     Pose as Pose,
     SequenceFit as SequenceFit,
     Uncertainty as Uncertainty,
     fit_sequence as fit_sequence,
+    layout as layout,
     uncertainty as uncertainty,
     unit_warning as unit_warning,
 )

@@ -25,6 +25,8 @@ from deformer.linalg import SparseCholesky, over_ranges
 
 # Tension α of the thin plate, times the reference's area: bends decay within a tenth of its size.
 _TENSION = 100.0
+# Foundation β of `foundation_rows`, times the reference's area.
+_FOUNDATION = 30.0
 # Shapes reconstructed at once: bounds memory.
 _BATCH = 40
 
@@ -167,6 +169,14 @@ class PoissonSystem:
     @cached_property
     def screened_factor(self) -> SparseCholesky:
         """Factor of L + α A, where A is the diagonal matrix of the vertices' areas."""
+        return self._screened(_TENSION)
+
+    @cached_property
+    def _foundation_factor(self) -> SparseCholesky:
+        return self._screened(_FOUNDATION)
+
+    def _screened(self, screen: float) -> SparseCholesky:
+        """Factor of L + `screen` A, with areas A whose sum is 1."""
         v, faces = self.reference.vertices, self.reference.faces
         a, b, c = (v[faces[:, k]] for k in range(3))
         thirds = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
@@ -174,8 +184,8 @@ class PoissonSystem:
         total = float(areas.sum())
         # A vertex of slivers alone needs a positive weight, too.
         areas = np.maximum(areas, 1e-6 * (total or 1.0) / len(v))
-        screen = sparse.diags_array(_TENSION * areas / (total or 1.0))
-        return SparseCholesky(self.laplacian + screen, v, self.factor.plan)
+        shares = sparse.diags_array(screen * areas / (total or 1.0))
+        return SparseCholesky(self.laplacian + shares, v, self.factor.plan)
 
     def bending_rows(
         self, vertices: ArrayLike, green: FloatArray, weights: ArrayLike | None = None
@@ -190,6 +200,19 @@ class PoissonSystem:
         """
         loads = self._loads(vertices, weights)
         return np.ascontiguousarray(green - self.screened_factor.solve(loads).T)
+
+    def foundation_rows(self, vertices: ArrayLike) -> FloatArray:
+        """Green's functions (H, V) of a thin plate under tension on an elastic foundation.
+
+        K⁻¹ = (L A⁻¹ L + (α + β) L + α β A) / (α − β), and K = (L + β A)⁻¹ − (L + α A)⁻¹: positive
+        definite, as the covariance of a smooth field is.
+
+        Args:
+            vertices: (H,) the vertices with unit loads.
+        """
+        loads = self._loads(vertices, None)
+        near, far = self._foundation_factor.solve(loads), self.screened_factor.solve(loads)
+        return np.ascontiguousarray((near - far).T)
 
     def position_coefficients(self, green: FloatArray) -> FloatArray:
         """Coefficients a (H, V+B, 3) with G_h · b(T) = Σ_i T_i a_h,i, of `green` (H, V)."""

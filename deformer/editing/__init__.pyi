@@ -6,6 +6,10 @@ from .arap import (
 from .energy import (
     HandleEnergy as HandleEnergy,
 )
+from .handle_layout import (
+    Layout as Layout,
+    layout as layout,
+)
 from .handles import (
     Handle as Handle,
     Pose as Pose,

@@ -56,5 +56,6 @@ from .surface_points import (
 from .symmetry import (
     Symmetry as Symmetry,
     find_symmetry as find_symmetry,
+    most_symmetric as most_symmetric,
     symmetry_about as symmetry_about,
 )

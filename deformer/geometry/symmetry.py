@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,6 +65,19 @@ def find_symmetry(mesh: Mesh) -> Symmetry:
     limit = 1.01 * min(plane[2] for plane in planes) + (_TOLERANCE * mesh.bounding_diagonal) ** 2
     point, normal, _ = next(plane for plane in planes if plane[2] <= limit)
     return _paired(mesh, tree, point, normal)
+
+
+def most_symmetric(shapes: Sequence[Mesh]) -> tuple[Symmetry, int]:
+    """The symmetry of the most symmetric of several meshes, and its index.
+
+    Args:
+        shapes: the meshes, for example poses of one body.
+    """
+    found = [find_symmetry(shape) for shape in shapes]
+    # The first of the equally symmetric shapes, with a tolerance: rounding must not decide.
+    limit = 1.01 * min(plane.error for plane in found) + _TOLERANCE
+    index = next(n for n, plane in enumerate(found) if plane.error <= limit)
+    return found[index], index
 
 
 def symmetry_about(mesh: Mesh, point: ArrayLike, normal: ArrayLike) -> Symmetry:

@@ -13,7 +13,7 @@ from deformer.acap import (
     PoissonSystem,
     extract_all,
 )
-from deformer.geometry import FloatArray, IntArray, Mesh, MeshSequence, Symmetry, find_symmetry
+from deformer.geometry import FloatArray, IntArray, Mesh, MeshSequence, Symmetry, most_symmetric
 
 # Shapes mirrored at once: bounds memory.
 _BATCH = 40
@@ -41,11 +41,8 @@ def mirror_images(shapes: MeshSequence) -> tuple[FloatArray, Symmetry]:
     """
     V = shapes.vertices
     candidates = _evenly_spread(len(V), _SYMMETRY_CANDIDATES)
-    planes = [(find_symmetry(shapes.mesh(n)), n) for n in candidates]
-    # The first of the equally symmetric shapes, with a tolerance: rounding must not decide.
-    limit = 1.01 * min(plane.error for plane, _ in planes) + 1e-6
-    plane, n = next(entry for entry in planes if entry[0].error <= limit)
-    rest = shapes.mesh(n)
+    plane, n = most_symmetric([shapes.mesh(candidate) for candidate in candidates])
+    rest = shapes.mesh(candidates[n])
     opposite = _opposite_points(rest, plane)
     extractor, poisson = FeatureExtractor(rest), PoissonSystem(rest)
     images = np.empty_like(V)

@@ -189,3 +189,22 @@ def test_reconstruct_solves_with_the_gradients_of_the_features():
 def test_wrong_features_are_refused():
     with pytest.raises(InputError, match=r"120, 9\)"):
         PoissonSystem(MESHES["tube"]).reconstruct(np.zeros((3, 120, 6)))
+
+
+@NAMES
+def test_foundation_rows_are_greens_functions_of_a_plate_on_a_foundation(name):
+    """K⁻¹ K_h = e_h with K⁻¹ = (L A⁻¹ L + (α + β) L + α β A) / (α − β), A of sum 1."""
+    mesh = MESHES[name]
+    system = PoissonSystem(mesh)
+    v, V = mesh.vertices, len(mesh.vertices)
+    corners = v[mesh.faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.zeros(V)
+    np.add.at(area, mesh.faces, np.linalg.norm(normal, axis=1)[:, None] / 6)
+    A = np.maximum(area / area.sum(), 1e-6 / V)
+    L, alpha, beta = system.laplacian.toarray(), 100.0, 30.0
+    K = system.foundation_rows(np.arange(V))
+    product = L @ ((L @ K) / A[:, None]) + (alpha + beta) * L @ K + alpha * beta * A[:, None] * K
+    tolerance = 1e-7 * (1.0 + (L.diagonal() ** 2 / A).max() * np.abs(K).max())
+    np.testing.assert_allclose(product / (alpha - beta), np.eye(V), atol=min(tolerance, 1e-2))
+    assert np.linalg.eigvalsh(0.5 * (K + K.T)).min() > -1e-9 * np.abs(K).max()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from deformer import InputError, Mesh, find_symmetry, symmetry_about
+from deformer.geometry import most_symmetric
 from shapes import icosphere, random_rotation, tube
 
 
@@ -52,3 +53,12 @@ def test_a_plane_that_is_none_of_the_body_has_an_error():
 def test_a_plane_needs_a_normal(normal):
     with pytest.raises(InputError, match="mirror plane"):
         symmetry_about(icosphere(1), [0, 0, 0], normal)
+
+
+def test_the_most_symmetric_of_poses_is_found_whatever_their_order():
+    bar = lopsided_bar()
+    twisted = Mesh(bar.vertices + 0.3 * bar.vertices[:, [1, 2, 0]] ** 2, bar.faces)
+    for shapes, expected in (([twisted, bar, bar], 1), ([bar, twisted], 0)):
+        symmetry, index = most_symmetric(shapes)
+        assert index == expected
+        assert symmetry.error < 1e-9

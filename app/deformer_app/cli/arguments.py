@@ -36,6 +36,37 @@ def words(text: str | None) -> tuple[str, ...] | None:
     return None if text is None else tuple(word.strip() for word in text.split(","))
 
 
+def numbers(
+    name: str, text: str, *, least: int = 1, most: int = MOST_LISTED, spans: bool = False
+) -> tuple[int, ...]:
+    """Whole numbers with commas between them, each once, in order.
+
+    Args:
+        name: name of the option.
+        text: the numbers.
+        least: the smallest allowed.
+        most: the largest allowed.
+        spans: true to allow spans such as 3-5, which is 3,4,5.
+    """
+    found: set[int] = set()
+    for word in text.split(","):
+        first, dash, last = word.strip().partition("-")
+        ends = (first, last) if dash and spans else (word.strip(),)
+        if not all(end.isdecimal() and len(end) < 20 for end in ends):
+            raise typer.BadParameter(
+                f"expected whole numbers with commas between, got {text[:60]!r}",
+                param_hint=f"--{name}",
+            )
+        low, high = int(ends[0]), int(ends[-1])
+        if not least <= low <= high <= most:
+            raise typer.BadParameter(
+                f"expected numbers of {least}…{most}, got {text[:60]!r}",
+                param_hint=f"--{name}",
+            )
+        found |= set(range(low, high + 1))
+    return tuple(sorted(found))
+
+
 def refuse_inputs(output: Path | None, *inputs: str | Path | None) -> None:
     """Raise InputError, before any work, if `output` is one of the inputs or inside a model.
 

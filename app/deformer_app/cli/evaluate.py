@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from deformer_app import console
-from deformer_app.cli.arguments import MOST_EPOCHS, MOST_LISTED, MOST_RUNS, Json, examples, words
+from deformer_app.cli.arguments import MOST_EPOCHS, MOST_RUNS, Json, examples, numbers, words
 
 app = typer.Typer()
 
@@ -129,8 +129,8 @@ def evaluate(
     options = evaluating.Options(
         methods=words(methods),
         protocols=words(protocols),
-        components=_numbers("components", components),
-        counts=_numbers("counts", counts),
+        components=numbers("components", components) if components is not None else None,
+        counts=numbers("counts", counts) if counts is not None else None,
         splits=splits,
         seeds=seeds,
         split_files=tuple(split or ()),
@@ -151,22 +151,3 @@ def evaluate(
         console.emit(result)
         return
     console.show_facts(str(output), result)
-
-
-def _numbers(name: str, text: str | None) -> tuple[int, ...] | None:
-    """Whole numbers with commas between them, each once, in order."""
-    if text is None:
-        return None
-    given = {word.strip() for word in text.split(",")}
-    if not all(word.isdecimal() and len(word) < 20 for word in given):
-        raise typer.BadParameter(
-            f"expected whole numbers with commas between, got {text[:60]!r}",
-            param_hint=f"--{name}",
-        )
-    numbers = sorted(map(int, given))
-    if not 1 <= numbers[0] <= numbers[-1] <= MOST_LISTED:
-        raise typer.BadParameter(
-            f"expected numbers of 1…{MOST_LISTED}, got {text[:60]!r}",
-            param_hint=f"--{name}",
-        )
-    return tuple(numbers)

@@ -12,7 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from deformer_app import console
-from deformer_app.cli import evaluate as evaluate_command, shapes as shape_commands
+from deformer_app.cli import (
+    evaluate as evaluate_command,
+    layout as layout_command,
+    shapes as shape_commands,
+)
 from deformer_app.cli.arguments import (
     MODEL_HELP,
     MOST_EPOCHS,
@@ -39,6 +43,7 @@ app = typer.Typer(
 
 app.add_typer(shape_commands.app)
 app.add_typer(evaluate_command.app)
+app.add_typer(layout_command.app)
 
 
 class Config(StrEnum):
