@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import cast
 
 import numpy as np
 import torch
 
-from deformer.baselines import ComponentMethod, PosingMethod
+from deformer.baselines import Autoencoder, ComponentMethod, PosingMethod
+from deformer.editing import layout
 from deformer.evaluation import protocols
 from deformer.evaluation.journal import FAILURE, Row
 from deformer.evaluation.methods import has_components, train_method
 from deformer.evaluation.plan import EXAMPLE_COUNT, Job, Measurement, Training
 from deformer.evaluation.sources import SplitData, load_split
-from deformer.geometry import FloatArray, Mesh, e_rms
+from deformer.geometry import FloatArray, IntArray, Mesh, MeshSequence, e_rms
 from deformer.io import save_mesh
 from deformer.linalg import one_blas_thread
 
@@ -55,14 +56,7 @@ def _run(job: Job, folder: Path) -> Iterator[tuple[str, list[Row]]]:
     training = job.training
     try:
         data = _split_data(training, ())
-        method, seconds = train_method(
-            training.method,
-            data.train,
-            training.components,
-            training.number,
-            training.setting,
-            folder / "models" / training.network if training.network else None,
-        )
+        method, seconds = _trained(training, data.train, folder)
     # A method may raise anything: the failure becomes a row, and the run continues.
     except Exception as error:
         yield from failure_rows(job, protocols.one_line(error))
@@ -78,6 +72,25 @@ def _run(job: Job, folder: Path) -> Iterator[tuple[str, list[Row]]]:
                 by_test[test] = _TrainedMethod(training, test, method, folder)
             rows = by_test[test].rows(measurement)
         yield measurement.key(training), rows
+
+
+def _trained(training: Training, train: MeshSequence, folder: Path) -> tuple[PosingMethod, float]:
+    """The method of a training on `train`, and the seconds that it took; see `train_method`."""
+    return train_method(
+        training.method,
+        train,
+        training.components,
+        training.number,
+        training.setting,
+        folder / "models" / training.network if training.network else None,
+    )
+
+
+@lru_cache(maxsize=32)
+def _chosen_vertices(training: Training, count: int, folder: Path) -> IntArray:
+    """Control vertices (count,) that the model of a training chooses."""
+    method, _ = _trained(training, _split_data(training, ()).train, folder)
+    return layout(cast(Autoencoder, method).model, count).vertices
 
 
 def _split_data(training: Training, test: tuple[int, ...]) -> SplitData:
@@ -172,7 +185,12 @@ class _TrainedMethod:
 
     def _control(self, measurement: Measurement) -> dict[int, Errors]:
         data, source = self.data, self.training.source
-        vertices = data.control_vertices(measurement.count, measurement.seed)
+        if measurement.layout is None:
+            vertices = data.control_vertices(measurement.count, measurement.seed)
+        elif isinstance(measurement.layout, Training):
+            vertices = _chosen_vertices(measurement.layout, measurement.count, self.folder)
+        else:
+            vertices = np.array(measurement.layout, dtype=np.int64)
         targets = data.test[:, vertices]
         if measurement.noise:
             spread = measurement.noise * data.reference.bounding_diagonal

@@ -18,10 +18,11 @@ from deformer.evaluation.sources import Source
 from deformer.evaluation.splits import Split, limit_test_shapes, random_split, sequence_split
 from deformer.network import PRESETS
 
-Protocol = Literal["reconstruction", "sparse_control", "sensitivity", "noise", "rotation"]
+Protocol = Literal["reconstruction", "sparse_control", "layout", "sensitivity", "noise", "rotation"]
 PROTOCOLS: tuple[Protocol, ...] = (
     "reconstruction",
     "sparse_control",
+    "layout",
     "sensitivity",
     "noise",
     "rotation",
@@ -32,6 +33,8 @@ Kind = Literal["training", "reconstruction", "rotation", "sparse_control", "exam
 # "diff_lambda"), and the method that is trained with them.
 LAMBDAS = ((0.4, 0.4), (0.6, 0.6), (0.4, 0.6), (0.6, 0.4))
 LAMBDA_METHOD = "autoencoder-paper"
+# The method whose network lays out the control points of the protocol "layout".
+LAYOUT_METHOD = "autoencoder"
 # Standard deviations of the noise protocol, per coordinate, in bounding diagonals of the reference.
 NOISE = (0.005, 0.01, 0.02)
 # Number of control points of the example meshes that pictures show.
@@ -57,6 +60,8 @@ class Study:
         tests: upper bound on the number of test shapes; None is all.
         model: settings of the method "model", which is a trained model; None is no such method.
         pictures: true to save an example mesh of each method.
+        layout: control vertices of the protocol "layout"; None has them chosen by the network
+            `LAYOUT_METHOD` of the split, or by the trained model.
 
     Raises:
         InputError: an unknown method or protocol, none of either, or a number below 1.
@@ -74,6 +79,7 @@ class Study:
     tests: int | None = None
     model: Setting | None = None
     pictures: bool = True
+    layout: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
         """Check names and ranges before anything runs."""
@@ -173,6 +179,8 @@ class Measurement:
         seed: seed that the rows name; it also draws the first control point.
         noise: standard deviation of the noise that is added to each coordinate of the control
             points, in bounding diagonals of the reference.
+        layout: the control vertices, or the training of the network that chooses them; None for
+            Voronoi sampling.
     """
 
     kind: Kind
@@ -180,20 +188,22 @@ class Measurement:
     count: int
     seed: int
     noise: float = 0.0
+    layout: tuple[int, ...] | Training | None = None
 
     def key(self, training: Training) -> str:
         """Hash of everything that the rows of this measurement after a training depend on."""
-        source = training.source
+        source, layout = training.source, self.layout
         return _digest(
             training=training.key,
-            measurement=asdict(self),
+            measurement=asdict(replace(self, layout=None)),
+            layout=layout.key if isinstance(layout, Training) else layout,
             name=source.name,
             ordered=source.ordered,
         )
 
     def protocol(self, training: Training) -> str:
         """Name of the protocol in the rows, without the suffix of a part ("/encoder", "/fit")."""
-        name: str = self.kind
+        name: str = self.kind if self.layout is None else f"layout/{self.kind}"
         if training.setting.lambdas:
             tried = "sensitivity({:g},{:g})".format(*training.setting.lambdas)
             return tried if name == "reconstruction" else f"{tried}/{name}"
@@ -208,6 +218,13 @@ class Job:
 
     training: Training
     measurements: tuple[Measurement, ...]
+
+    @property
+    def networks(self) -> set[str]:
+        """`Training.network` of all networks that the job trains or loads."""
+        layouts = (measurement.layout for measurement in self.measurements)
+        trainings = {self.training, *(one for one in layouts if isinstance(one, Training))}
+        return {training.network for training in trainings if training.network is not None}
 
 
 def make_plan(studies: list[Study]) -> list[Job]:
@@ -247,15 +264,17 @@ def _measurements_of_method(
     encodes, K, number = has_components(base.method), base.components, base.number
     found: list[tuple[Training, Measurement]] = []
 
-    def add(training: Training, kind: Kind, count: int, seed: int = number, noise: float = 0.0):
-        found.append((training, Measurement(kind, test, count, seed, noise)))
+    def add(training: Training, kind: Kind, count: int, seed: int = number, **options: Any):
+        found.append((training, Measurement(kind, test, count, seed, **options)))
 
-    def control(training: Training, noise: float = 0.0) -> None:
+    def control(
+        training: Training, counts: tuple[int, ...] = study.counts, noise: float = 0.0
+    ) -> None:
         for draw in range(study.seeds):
             # Seeds of different splits differ: split n of S has the seeds n, n + S, n + 2 S, …
             seed = number + draw * len(study.drawn_splits())
-            for count in study.counts:
-                add(training, "sparse_control", count, seed, noise)
+            for count in counts:
+                add(training, "sparse_control", count, seed, noise=noise)
 
     for protocol in study.protocols:
         if protocol == "reconstruction" and encodes:
@@ -265,6 +284,12 @@ def _measurements_of_method(
             add(base, protocol, K)
         elif protocol == "sparse_control":
             control(base)
+        elif protocol == "layout":
+            counts = (len(study.layout),) if study.layout else study.counts
+            control(base, counts)
+            for count in counts:
+                layout = study.layout or _chooser(study, base)
+                add(base, "sparse_control", count, layout=layout)
         elif protocol == "noise":
             for noise in NOISE:
                 if base.method != "model":
@@ -272,7 +297,7 @@ def _measurements_of_method(
                     if encodes:
                         add(noisy, "reconstruction", K)
                     control(noisy)
-                control(base, noise)
+                control(base, noise=noise)
         elif protocol == "sensitivity" and base.method == LAMBDA_METHOD:
             add(base, "reconstruction", K)
             for lambdas in LAMBDAS:
@@ -281,6 +306,12 @@ def _measurements_of_method(
     if study.pictures and number == 0:
         add(base, "example", EXAMPLE_COUNT)
     return found
+
+
+def _chooser(study: Study, base: Training) -> Training:
+    """The training whose model chooses the control vertices of a training's split."""
+    method = LAYOUT_METHOD if study.model is None else "model"
+    return replace(base, method=method, components=study.at, setting=_setting(study, method))
 
 
 def _setting(study: Study, method: str) -> Setting:

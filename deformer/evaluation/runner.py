@@ -126,9 +126,9 @@ def _in_processes(jobs: list[Job], folder: Path, processes: int) -> _Results:
 
 
 def _next(waiting: list[Job], busy: list[_Worker]) -> Job | None:
-    """The first waiting job whose network no busy worker is training."""
-    in_training = {worker.job.training.network for worker in busy} - {None}
-    return next((job for job in waiting if job.training.network not in in_training), None)
+    """The first waiting job none of whose networks a busy worker may be training."""
+    in_training = set().union(*(worker.job.networks for worker in busy))
+    return next((job for job in waiting if not job.networks & in_training), None)
 
 
 def _start(folder: Path, job: Job) -> _Worker:

@@ -33,6 +33,7 @@ class Source:
         name: its name in rows and tables.
         path: file or directory that `load_shapes` reads.
         count: number of shapes.
+        vertices: number of vertices.
         fingerprint: hash of vertices and faces; a changed file is another data set.
         ordered: true when the shapes are frames in order of time.
         align: true to remove each shape's rigid motion against the reference.
@@ -42,6 +43,7 @@ class Source:
     name: str
     path: str
     count: int
+    vertices: int
     fingerprint: str
     ordered: bool = False
     align: bool = False
@@ -59,7 +61,8 @@ class Source:
         shapes = _load(path)
         digest = hashlib.sha256(np.ascontiguousarray(shapes.vertices).tobytes())
         digest.update(np.ascontiguousarray(shapes.faces).tobytes())
-        return cls(name, path, len(shapes), digest.hexdigest()[:16], ordered, align, up)
+        V = shapes.vertices.shape[1]
+        return cls(name, path, len(shapes), V, digest.hexdigest()[:16], ordered, align, up)
 
 
 @dataclass(frozen=True, eq=False)

@@ -472,6 +472,46 @@ def test_keys_tell_apart_what_gives_other_rows(source, tiny):
     assert len(keys(tests=5) & before) == 2, "only trainings stay"
 
 
+def test_laid_out_points_are_those_of_the_splits_own_model(tmp_path, source, tiny):
+    """Every method gets the same points; they come from a network that saw the training shapes."""
+    asked = study(source, "autoencoder", "tiny", protocols=("layout",), counts=(5,), pictures=False)
+    rows = evaluate([asked], tmp_path)
+    assert not [row for row in rows if row["metric"] == FAILURE]
+    named = {
+        (row["method"], row["protocol"]): row["value"] for row in rows if row["metric"] == "E_rms"
+    }
+    (folder,) = (tmp_path / "models").glob("*/model.json")
+    model = deformer.load_model(folder.parent)
+    vertices = deformer.layout(model, 5).vertices
+    split = asked.drawn_splits()[0]
+    assert model.summary["train"] == len(split.train)
+    data = load_split(source, split, limit_test_shapes(split.test, 4, False))
+    method = TinyPCA().fit(data.train, 4)
+    expected = sparse_control(method, data.test, vertices, data.train.faces)["E_rms"]
+    assert named["tiny", "layout/sparse_control"] == pytest.approx(expected)
+    voronoi = data.control_vertices(5, 0)
+    expected = sparse_control(method, data.test, voronoi, data.train.faces)["E_rms"]
+    assert named["tiny", "sparse_control"] == pytest.approx(expected)
+    assert ("autoencoder", "layout/sparse_control") in named
+
+
+def test_points_of_a_layout_file_are_used_as_they_are(source, tiny):
+    asked = study(source, "tiny", protocols=("layout",), layout=(3, 1, 7), pictures=False)
+    (job,) = make_plan([asked])
+    chosen = [m for m in job.measurements if m.layout is not None]
+    assert [(m.layout, m.count) for m in chosen] == [((3, 1, 7), 3)]
+    assert [m.count for m in job.measurements if m.kind == "sparse_control"] == [3, 3]
+    other = replace(chosen[0], layout=(3, 1, 8))
+    assert other.key(job.training) != chosen[0].key(job.training)
+
+
+def test_a_network_that_lays_out_points_is_trained_by_one_worker_at_a_time(source, tiny):
+    asked = study(source, "autoencoder", "tiny", protocols=("layout",))
+    network, tiny_job = make_plan([asked])
+    assert network.networks == tiny_job.networks == {network.training.network}
+    assert not replace(tiny_job, measurements=tiny_job.measurements[:1]).networks
+
+
 def test_sensitivity_is_asked_of_the_papers_network_alone(source, tiny):
     chosen = study(source, "tiny", "autoencoder", "autoencoder-paper", protocols=("sensitivity",))
     jobs = make_plan([chosen])

@@ -25,6 +25,7 @@ class Preset(StrEnum):
     epilog=examples(
         "deformer evaluate walk/ -o evaluation --preset quick",
         "deformer evaluate walk-model walk/ -o evaluation --methods arap,arap-nearest",
+        "deformer evaluate walk/ -o evaluation --protocols layout --methods autoencoder,pca,arap",
         "deformer evaluate datasets/ -o evaluation --preset paper --processes 2",
     )
 )
@@ -57,7 +58,8 @@ def evaluate(
     protocols: Annotated[
         str | None,
         typer.Option(
-            help="reconstruction, sparse_control, sensitivity, noise, rotation.  "
+            help="reconstruction, sparse_control, layout, sensitivity, noise, "
+            "rotation.  "
             "\\[default: reconstruction,sparse_control,rotation]"
         ),
     ] = None,
@@ -86,6 +88,13 @@ def evaluate(
         typer.Option(
             help='JSON {"train": \\[indices], "test": \\[indices]} in place of random splits; can '
             "be given several times."
+        ),
+    ] = None,
+    layout: Annotated[
+        Path | None,
+        typer.Option(
+            help="Handles file, as of deformer layout: its vertices are the control points of the "
+            "protocol layout, which is measured alone unless --protocols names others."
         ),
     ] = None,
     sequence: Annotated[
@@ -139,6 +148,7 @@ def evaluate(
         up=up,
         epochs=epochs,
         tests=tests,
+        layout=layout,
     )
     chosen = preset.value if preset else None
     try:

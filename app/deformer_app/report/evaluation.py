@@ -47,6 +47,7 @@ class Options:
     up: str | None = None
     epochs: int | None = None
     tests: int | None = None
+    layout: Path | None = None
 
     def given(self) -> dict[str, Any]:
         """Options of `Study` that the user has set."""
@@ -142,6 +143,15 @@ def _studies(paths: list[str], options: Options, preset: str | None) -> list[Stu
     ]
     chosen = QUICK if preset == "quick" else {}
     chosen = chosen | options.given()
+    if options.layout is not None:
+        if len(sources) > 1:
+            raise deformer.InputError(
+                f"{options.layout}: a layout is of one mesh, got {len(sources)} sets of shapes; "
+                "give one"
+            )
+        chosen["layout"] = _layout(options.layout, sources[0])
+        named_protocols = chosen.get("protocols", ()) if options.protocols else ()
+        chosen["protocols"] = tuple(dict.fromkeys((*named_protocols, "layout")))
     if options.components is not None:
         # K of all protocols but the curve over K: the paper's 50 if it is given, else the largest.
         chosen["at"] = 50 if 50 in options.components else max(options.components)
@@ -149,6 +159,24 @@ def _studies(paths: list[str], options: Options, preset: str | None) -> list[Stu
         return [_model_study(models[0], sources[0], options, chosen)]
     chosen.setdefault("methods", evaluation.known_methods())
     return [Study(source, **(chosen | _split_files(options, source.count))) for source in sources]
+
+
+def _layout(path: Path, source: Source) -> tuple[int, ...]:
+    """The vertices of a handles file of one pose."""
+    file = io.load_handles(path, source.vertices)
+    if file.is_sequence:
+        raise deformer.InputError(
+            f"{path}: has frames, expected the handles of one pose; give the file of "
+            "`deformer layout`"
+        )
+    vertices = [handle.vertex for handle in file.frames[0]]
+    for n, vertex in enumerate(vertices):
+        if not isinstance(vertex, int):
+            raise deformer.InputError(
+                f"{path}: handles[{n}]: expected a vertex without offset, got a point beside the "
+                "mesh's vertices; give the index of a vertex"
+            )
+    return tuple(vertex for vertex in vertices if isinstance(vertex, int))
 
 
 def _split_files(options: Options, count: int) -> dict[str, Any]:
@@ -194,7 +222,7 @@ def _model_study(path: str, source: Source, options: Options, chosen: dict[str, 
 
 def _paper(paths: list[str], options: Options) -> list[Study]:
     given = set(options.given()) - {"methods", "epochs", "tests"}
-    flags = [name for name in ("sequence", "align", "up") if getattr(options, name)]
+    flags = [name for name in ("sequence", "align", "up", "layout") if getattr(options, name)]
     if options.split_files:
         flags.append("split")
     if given or flags:
@@ -250,6 +278,7 @@ def _facts(study: Study) -> dict[str, Any]:
         "seeds": study.seeds,
         "epochs": study.epochs,
         "tests": study.tests,
+        "layout": study.layout,
     }
 
 

@@ -25,6 +25,7 @@ _INTRO = Markup(
 _SECTIONS = {
     "reconstruction": "Reconstruction of unseen shapes",
     "sparse_control": "Sparse control",
+    "layout": "Sparse control at vertices laid out by a model",
     "sensitivity": "Sensitivity to λ₁, λ₂",
     "noise": "Noise on the training shapes",
     "noisy_control": "Noisy control points",

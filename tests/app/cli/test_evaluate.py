@@ -284,3 +284,25 @@ def test_pictures_show_the_error_where_it_is(tmp_path):
     assert good.sum() == 0
     assert bad.sum() > 50
     assert np.flatnonzero(bad.any(axis=1)).mean() < 0.5 * len(lower), "at the top"
+
+
+def test_a_layout_file_gives_the_control_points(run, folder):
+    (folder / "layout.json").write_text(
+        json.dumps({"handles": [{"vertex": v, "position": [0, 0, 0]} for v in (3, 40, 77)]})
+    )
+    options = ["--methods", "arap,pca", "--layout", "layout.json", "--tests", "3", "--json"]
+    status, _, err = run("bar.npz", "-o", "laid", *options)
+    assert status == 0, err
+    rows = json.loads((folder / "laid" / "results.json").read_text())
+    measured = {
+        (row["method"], row["protocol"], row["count"]) for row in rows if row["metric"] == "E_rms"
+    }
+    for method in ("arap", "pca"):
+        assert (method, "layout/sparse_control", 3) in measured
+        assert (method, "sparse_control", 3) in measured
+    assert "laid out" in (folder / "laid" / "report.html").read_text(encoding="utf-8")
+    (folder / "beside.json").write_text(
+        json.dumps({"handles": [{"vertex": 3, "position": [0, 0, 0], "offset": 0.1}]})
+    )
+    status, _, err = run("bar.npz", "-o", "no", "--layout", "beside.json")
+    assert status == 2 and "without offset" in err
