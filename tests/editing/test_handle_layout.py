@@ -8,7 +8,7 @@ import pytest
 
 from deformer import HandleSolver, InputError, farthest_points, layout
 from deformer.editing.handle_layout import _Choice
-from deformer.editing.position_field import PositionField, rebuilding_error
+from deformer.editing.position_field import _LOCALITY, PositionField, rebuilding_error
 from shapes import large_model, small_model
 
 
@@ -105,13 +105,15 @@ def test_shapes_that_others_explain_are_rebuilt_and_others_are_not(model):
     line = np.linspace(-1, 1, 9)[:, None] * np.eye(6)[0]
     on = replace(model, codes=line, summary={})
     diagonal = model.reference.bounding_diagonal
-    assert rebuilding_error(on, tangents) < 0.01 * diagonal
+    assert rebuilding_error(on, tangents) < 0.01 * _LOCALITY * diagonal
     off = replace(model, codes=np.vstack([line, 0.5 * np.eye(6)[1]]), summary={})
     a, b = (tangents[k].reshape(-1, 3) for k in (0, 1))
     across = 0.5 * (b - (a * b).sum() / (a * a).sum() * a)
     distance = np.sqrt((across**2).sum() / len(across))
     # One of ten shapes is off by that distance, the others by next to nothing.
-    assert rebuilding_error(off, tangents) == pytest.approx(distance / np.sqrt(10), rel=0.05)
+    assert rebuilding_error(off, tangents) == pytest.approx(
+        _LOCALITY * distance / np.sqrt(10), rel=0.05
+    )
 
 
 def test_a_layout_recovers_more_than_evenly_spread_handles():

@@ -12,9 +12,13 @@ from deformer_app.viewer.colouring import COLOURINGS
 from deformer_app.viewer.editor import Editor
 from deformer_app.viewer.exports import export_handles, export_pose, save_screenshot
 from deformer_app.viewer.mirror_plane import AXES
+from deformer_app.viewer.rigs import load_handles, place_rig
 
 MENUS = ("File", "Edit", "Handles", "View", "Help")
 MESH_FILES = f"Meshes ({' '.join(f'*{suffix}' for suffix in io.MESH_SUFFIXES)})"
+
+
+_RIG = 20  # handles that the dialog of a rig proposes
 
 
 class Shell(Protocol):
@@ -37,6 +41,10 @@ class Shell(Protocol):
 
     def ask_save(self, title: str, name: str, files: str) -> Path | None:
         """Ask for a file to write."""
+        ...
+
+    def ask_number(self, title: str, about: str, start: int, most: int) -> int | None:
+        """Ask for a whole number of 1 to `most`."""
         ...
 
     def save(self, elsewhere: bool) -> bool:
@@ -142,6 +150,25 @@ def _export_handles(shell: Shell) -> None:
     _unless_cancelled(path, lambda path: export_handles(shell.editor, path))
 
 
+def _load_handles(shell: Shell) -> None:
+    _unless_cancelled(
+        shell.ask_open("Load handles", "Handles (*.json)"),
+        lambda path: load_handles(shell.editor, path),
+    )
+
+
+def _place_rig(symmetric: bool) -> Callable[[Shell], Any]:
+    """Ask how many handles to lay out."""
+
+    def run(shell: Shell) -> None:
+        most = len(shell.editor.model.reference.vertices)
+        count = shell.ask_number("Place a rig", "Handles:", min(_RIG, most), most)
+        if count is not None:
+            place_rig(shell.editor, count, symmetric)
+
+    return run
+
+
 def _load_target(shell: Shell) -> None:
     _unless_cancelled(shell.ask_open("Load target mesh", MESH_FILES), shell.editor.load_target)
 
@@ -204,6 +231,8 @@ ACTIONS: Sequence[Action] = (
            dialog=True),
     Action("export-handles", "File", "Export handles…", _export_handles, "",
            "Targets as deformer fit reads them", dialog=True),
+    Action("load-handles", "File", "Load handles…", _load_handles, "",
+           "Those of deformer layout, or exported ones", dialog=True),
     Action("screenshot", "File", "Screenshot…", _screenshot, "F12", dialog=True, rule=True),
     Action("turntable", "File", "Turntable…", lambda s: s.turntable(), "",
            "A full turn as GIF or MP4", dialog=True),
@@ -251,6 +280,10 @@ ACTIONS: Sequence[Action] = (
            "]"),
     Action("suggest", "Handles", "Suggest next handle", lambda s: s.editor.suggest(), "N",
            "Where one more handle would tell most; again to place it", rule=True, tool="Suggest"),
+    Action("rig", "Handles", "Place a rig of handles…", _place_rig(False), "Shift+N",
+           "As many as you like, where they tell most", dialog=True),
+    Action("symmetric-rig", "Handles", "Place a symmetric rig…", _place_rig(True), "",
+           "The same in left and right pairs", dialog=True),
     Action("gizmo-move", "Handles", "Manipulator: move",
            lambda s: s.editor.state.set_gizmo("move"), "1", "Along axes and in planes", rule=True,
            checked=lambda e: e.state.gizmo_mode == "move", tool="Move"),

@@ -26,6 +26,7 @@ from deformer_app.viewer.gizmo import rotation, translation
 from deformer_app.viewer.model_files import start_codes
 from deformer_app.viewer.pose_worker import PoseWorker, replay
 from deformer_app.viewer.recording import Recorder, save_turntable
+from deformer_app.viewer.rigs import load_handles, place_rig
 from deformer_app.viewer.scene import MeshView
 from deformer_app.viewer.session import Session
 from deformer_app.viewer.settings import Settings
@@ -451,6 +452,56 @@ def test_the_suggested_handle_is_the_most_telling_one(editor):
     finish(editor)
     assert editor.edit.handles[0].vertices == (wanted,)
     assert editor.answer.suggestion != wanted
+
+
+def test_a_rig_has_the_handles_of_the_layout_and_keeps_those_that_are_there(editor):
+    editor.place(7)
+    editor.commit("Place handle")
+    place_rig(editor, 3)
+    finish(editor)
+    vertices = [handle.vertices[0] for handle in editor.edit.handles]
+    assert vertices == deformer.layout(small_model(), 4, fixed=[7]).vertices.tolist()
+    assert len(editor.selected) == 3
+    for handle in editor.edit.handles:
+        np.testing.assert_allclose(
+            handle.targets[0], editor.vertices[handle.vertices[0]], atol=0.05
+        )
+    editor.undo()
+    assert [handle.vertices for handle in editor.edit.handles] == [(7,)], "a rig is one step"
+
+
+def test_a_rig_that_cannot_be_laid_out_says_why(editor, heard):
+    place_rig(editor, 500)
+    finish(editor)
+    assert "at most 120" in texts(heard, MistakeMade)[0]
+    assert not editor.edit.handles
+
+
+def test_handles_of_a_file_are_loaded_with_their_targets(editor, tmp_path):
+    file = tmp_path / "handles.json"
+    editor.place(50)
+    editor.commit("Place handle")
+    rows = [
+        {"vertex": 50, "position": [1.0, 0.3, 0.1], "kind": "pin"},
+        {"vertex": 115, "position": [1.9, 0.4, 0.2], "weight": 2.0},
+    ]
+    io.write_json(file, {"handles": rows})
+    load_handles(editor, file)
+    finish(editor)
+    found = [(h.vertices, h.targets, h.kind, h.weight) for h in editor.edit.handles]
+    assert found == [
+        ((50,), ((1.0, 0.3, 0.1),), "pin", 1.0),
+        ((115,), ((1.9, 0.4, 0.2),), "soft", 2.0),
+    ]
+    export_handles(editor, tmp_path / "again.json")
+    load_handles(editor, tmp_path / "again.json")
+    assert [h.targets for h in editor.edit.handles] == [targets for _, targets, _, _ in found]
+    io.write_json(file, {"frames": [rows]})
+    with pytest.raises(InputError, match="one pose"):
+        load_handles(editor, file)
+    io.write_json(file, {"handles": [{**rows[0], "offset": 0.1}]})
+    with pytest.raises(InputError, match=r"handles\[0\]"):
+        load_handles(editor, file)
 
 
 def test_sliders_set_the_code_and_one_drag_is_one_step(editor):

@@ -12,6 +12,7 @@ from PySide6.QtGui import QCloseEvent, QKeySequence, QShortcut
 from PySide6.QtWidgets import (
     QApplication,
     QDockWidget,
+    QInputDialog,
     QLabel,
     QMainWindow,
     QMessageBox,
@@ -284,6 +285,11 @@ class Window(QMainWindow):
     def ask_save(self, title: str, name: str, files: str) -> Path | None:
         """Ask for a file to write."""
         return self._dialogs.ask_save(title, name, files)
+
+    def ask_number(self, title: str, about: str, start: int, most: int) -> int | None:
+        """Ask for a whole number of 1 to `most`."""
+        number, given = QInputDialog.getInt(self, title, about, start, 1, most)
+        return number if given else None
 
     def train(self) -> TrainingDialog:
         """Open the dialog that trains a model on shapes."""
