@@ -14,7 +14,7 @@ from deformer.errors import InputError
 from deformer.evaluation.journal import COLUMNS, Journal
 from deformer.geometry import Mesh, MeshSequence
 from deformer.model import load_model
-from deformer.model.storage import _digest, _digest_of_description
+from deformer.model.storage import _digest_of_description
 from deformer.training.checkpoints import Stages, check_identity, load_checkpoint, save_checkpoint
 from deformer_app.viewer.edit import Edit, Handle, Solution
 from deformer_app.viewer.session import Entry, ModelName, Session
@@ -242,7 +242,7 @@ def damage_model(path, rng):
         data = json.loads(description.read_bytes())
         for name in data["sha256"]:
             if name != "model.json":
-                data["sha256"][name] = _digest(path / name)
+                data["sha256"][name] = io.digest(path / name)
         data["sha256"]["model.json"] = _digest_of_description(data)
         description.write_text(json.dumps(data))
     except (ValueError, KeyError, TypeError, OSError, RecursionError):
