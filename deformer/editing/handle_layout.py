@@ -229,8 +229,8 @@ class _Choice:
 
     def _move(self, n: int) -> bool:
         """Move handle or pair n to where it reduces the variance most; False if it is there."""
-        group = self.chosen.pop(n)
-        self._observe(group, -self._noise)
+        group = self.chosen[n]
+        self._release(n)
         best, moved = self._best(len(group), len(group), group)
         self.chosen.insert(n, best)
         self._observe(best)
@@ -259,8 +259,8 @@ class _Choice:
                 best, highest = groups[gains.argmax()], gains.max()
         if best is None:
             raise InputError(
-                f"count: expected at most {self._size} handles, as no more candidates "
-                "are left, got more; ask for fewer"
+                f"count: expected at most {self._size} handles, for no more vertices are left to "
+                "choose from, got more; ask for fewer"
             )
         return best, best is not now
 
@@ -286,14 +286,26 @@ class _Choice:
         for group in self.chosen:
             self._observe(group)
 
-    def _observe(self, group: IntArray, noise: float | None = None) -> None:
-        """Condition the covariance on handles at a group (m,); with −noise, take them back.
-
-        P changes to P − V S Vᵀ, and so do the blocks P_gg and P_g W P_gᵀ of all candidates.
-        """
+    def _observe(self, group: IntArray) -> None:
+        """Condition the covariance on handles at a group (m,)."""
         index = _coordinates(group[None])[0]
         V = self._P[:, index]
-        S = np.linalg.inv(V[index] + (self._noise if noise is None else noise) * np.eye(len(index)))
+        self._update(V, np.linalg.inv(V[index] + self._noise * np.eye(len(index))))
+
+    def _release(self, n: int) -> None:
+        """Take group n of the chosen ones back.
+
+        With the precision A = (C_hh + noise I)⁻¹ of all handles h and its columns A_g of the group,
+        P changes by V A_gg⁻¹ Vᵀ, V = C_h A_g.
+        """
+        index = _coordinates(np.concatenate(self.chosen)[:, None]).ravel()
+        A = np.linalg.inv(self._C[np.ix_(index, index)] + self._noise * np.eye(len(index)))
+        first = 3 * sum(len(group) for group in self.chosen[:n])
+        own = slice(first, first + 3 * len(self.chosen.pop(n)))
+        self._update(self._C[:, index] @ A[:, own], -np.linalg.inv(A[own, own]))
+
+    def _update(self, V: FloatArray, S: FloatArray) -> None:
+        """Change P to P − V S Vᵀ, and with it the blocks P_gg and P_g W P_gᵀ of all candidates."""
         weighted = self._weights[:, None] * V
         across, square = self._P @ weighted, V.T @ weighted
         VS = V @ S
@@ -354,6 +366,11 @@ def _mirrored_groups(
     pairs = pairs[allowed[pairs].all(axis=1) & ~on_plane[pairs[:, 1]]]
     # Two vertices of one side may have the same opposite.
     pairs = pairs[np.unique(pairs[:, 1], return_index=True)[1]]
+    if not len(pairs):
+        raise InputError(
+            "symmetric: no two vertices that may be handles lie opposite each other; leave "
+            "symmetric out"
+        )
     middle = np.flatnonzero(on_plane & allowed)
     spread = farthest_rows(model.reference.vertices[middle], min(len(middle), _MIDDLE))[0]
     return [middle[spread, None], pairs]

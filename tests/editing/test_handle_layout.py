@@ -6,7 +6,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from deformer import HandleSolver, InputError, farthest_points, layout
+from deformer import HandleSolver, InputError, farthest_points, layout, load_model
 from deformer.editing.handle_layout import _Choice
 from deformer.editing.position_field import _LOCALITY, PositionField, rebuilding_error
 from shapes import large_model, small_model
@@ -58,9 +58,11 @@ def test_taking_a_handle_back_leaves_the_covariance_as_it_was():
     C, weights = random_field(3)
     choice = _Choice(C, weights, 0.01, [np.arange(9)[:, None]], np.array([4]))
     before, gains = choice._P.copy(), choice._gains()[0]
-    choice._observe(np.array([2, 6]))
+    choice.chosen.append(np.array([2, 6]))
+    choice._observe(choice.chosen[-1])
     assert np.abs(choice._P - before).max() > 0.1
-    choice._observe(np.array([2, 6]), -0.01)
+    choice._release(1)
+    assert [group.tolist() for group in choice.chosen] == [[4]]
     np.testing.assert_allclose(choice._P, before, atol=1e-9 * np.abs(C).max())
     np.testing.assert_allclose(choice._gains()[0], gains, rtol=1e-6)
 
@@ -143,6 +145,12 @@ def test_more_handles_leave_less_uncertain_and_nested_ones_stay(model):
     assert found.deviation[found.vertices].max() < 0.5 * np.median(found.deviation)
 
 
+def test_every_vertex_can_be_a_handle(model):
+    found = layout(model, [3, 120])
+    assert sorted(found.vertices.tolist()) == list(range(120))
+    assert found.expected[120] < 0.25 * found.expected[3]
+
+
 def test_noise_leaves_more_uncertain(model):
     assert layout(model, 4, noise=0.05).expected[4] > 1.1 * layout(model, 4).expected[4]
 
@@ -198,3 +206,9 @@ def test_mistakes_are_named(model):
     ):
         with pytest.raises(InputError, match=words):
             layout(model, **options)
+
+
+def test_a_body_without_left_and_right_has_no_symmetric_layout():
+    flag = load_model("flag")  # flat: its plane of symmetry is the cloth
+    with pytest.raises(InputError, match="symmetric"):
+        layout(flag, 4, symmetric=True)
