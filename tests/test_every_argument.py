@@ -37,6 +37,7 @@ JUNK = [
 ]
 # Classes that hold results, types, and packages: nobody calls them with values of their own.
 RESULTS = {
+    "Layout",
     *("Component", "Finding", "Pose", "Repair", "Report", "SequenceFit", "ShapePath", "Symmetry"),
     *("TrainingProgress", "Uncertainty", "DeformationModel", "BlendSpace", "InputError"),
     *("baselines", "evaluation", "io"),
@@ -106,6 +107,7 @@ def calls(tmp_path_factory):
         "find_symmetry": (mesh,),
         "fit_sequence": {"model": model, "vertices": [3], "targets": frames},
         "has_checkpoint": (folder / "checkpoint",),
+        "layout": (model, 3),
         "interpolate": (model, V + np.zeros((2, 1, 1)), 3, "linear"),
         "load_mesh": (folder / "a.ply",),
         "load_model": (folder / "model",),

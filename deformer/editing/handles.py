@@ -223,7 +223,7 @@ def check_kinds(
         raise InputError("kinds: expected them or hard=True, got both; leave one out")
     else:
         several = isinstance(kinds, Iterable) and not isinstance(kinds, str)
-        each = as_array(kinds, "kinds").reshape(-1).tolist() if several else [kinds]
+        each = np.atleast_1d(as_array(kinds, "kinds")).tolist() if several else [kinds]
         for kind in each:
             checked_choice(kind, "kinds", KINDS)
         name, chosen = "kinds", np.array(each if several else kinds)
