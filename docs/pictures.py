@@ -1,4 +1,4 @@
-"""Draw the pictures of the README and of the model cards: drag.gif, humanoid.png, flag.png.
+"""Draw drag.gif, humanoid.png, flag.png and layout.png, of README, model cards and docs.
 
 python docs/pictures.py docs
 
@@ -15,6 +15,7 @@ import numpy as np
 import deformer
 from deformer_app.cli import demo
 from deformer_app.rendering.camera import aim
+from deformer_app.rendering.layout_picture import draw_layout
 from deformer_app.rendering.offscreen import HandleGlyphs, contact_sheet, render
 from deformer_app.rendering.sheets import save_sheet
 from deformer_app.viewer.edit import NOISE
@@ -69,3 +70,6 @@ if __name__ == "__main__":
     into = Path(sys.argv[1])
     draw_humanoid(into / "humanoid.png", into / "drag.gif")
     draw_flag(into / "flag.png")
+    humanoid = deformer.load_model("humanoid")
+    layout = deformer.layout(humanoid, 20, symmetric=True)
+    save_sheet(into / "layout.png", draw_layout(humanoid, layout))
