@@ -44,18 +44,21 @@ def checked_faces(faces: ArrayLike, vertex_count: int) -> IntArray:
     return _frozen(array.astype(np.int64, order="C"))
 
 
+# Greatest magnitude of a coordinate: products of three lengths must not overflow.
+_FARTHEST = 1e100
+
+
 def _check_vertices(vertices: ArrayLike, ndim: int) -> FloatArray:
     array = checked_array(vertices, "vertices", finite=False)
     expected = "(V, 3)" if ndim == 2 else "(N, V, 3)"
     if array.ndim != ndim or array.shape[-1] != 3 or 0 in array.shape:
         raise InputError(f"vertices: expected an array of shape {expected}, got {array.shape}")
     array = array.astype(np.float64)
-    bad = np.argwhere(~np.isfinite(array))
+    bad = np.argwhere(~(np.abs(array) <= _FARTHEST))
     if len(bad):
-        raise InputError(
-            f"vertices{bad[0][:-1].tolist()}: {array[tuple(bad[0])]} is not a finite position; "
-            "repair or remove it"
-        )
+        position = array[tuple(bad[0])]
+        wrong = f"is beyond ±{_FARTHEST:g}" if np.isfinite(position) else "is not a finite position"
+        raise InputError(f"vertices{bad[0][:-1].tolist()}: {position} {wrong}; repair or remove it")
     return _frozen(array)
 
 
@@ -73,7 +76,8 @@ class Mesh:
         faces: (F, 3) vertex indices, counter-clockwise seen from outside, kept as int64.
 
     Raises:
-        InputError: wrong shape, an index out of range, or a position that is not finite.
+        InputError: wrong shape, an index out of range, or a position that is not finite or is
+            beyond ±1e100.
     """
 
     vertices: FloatArray
@@ -109,7 +113,8 @@ class MeshSequence:
         faces: (F, 3) vertex indices shared by all shapes, kept as int64.
 
     Raises:
-        InputError: wrong shape, an index out of range, or a position that is not finite.
+        InputError: wrong shape, an index out of range, or a position that is not finite or is
+            beyond ±1e100.
     """
 
     vertices: FloatArray
