@@ -10,6 +10,7 @@ from .laplacian import (
     rhs_matrix as rhs_matrix,
 )
 from .mesh import (
+    FARTHEST as FARTHEST,
     FloatArray as FloatArray,
     IntArray as IntArray,
     Mesh as Mesh,

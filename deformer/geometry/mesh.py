@@ -44,8 +44,8 @@ def checked_faces(faces: ArrayLike, vertex_count: int) -> IntArray:
     return _frozen(array.astype(np.int64, order="C"))
 
 
-# Greatest magnitude of a coordinate: products of three lengths must not overflow.
-_FARTHEST = 1e100
+# Greatest magnitude of a coordinate: the square of an area must not overflow.
+FARTHEST = 1e60
 
 
 def _check_vertices(vertices: ArrayLike, ndim: int) -> FloatArray:
@@ -54,10 +54,10 @@ def _check_vertices(vertices: ArrayLike, ndim: int) -> FloatArray:
     if array.ndim != ndim or array.shape[-1] != 3 or 0 in array.shape:
         raise InputError(f"vertices: expected an array of shape {expected}, got {array.shape}")
     array = array.astype(np.float64)
-    bad = np.argwhere(~(np.abs(array) <= _FARTHEST))
+    bad = np.argwhere(~(np.abs(array) <= FARTHEST))
     if len(bad):
         position = array[tuple(bad[0])]
-        wrong = f"is beyond ±{_FARTHEST:g}" if np.isfinite(position) else "is not a finite position"
+        wrong = f"is beyond ±{FARTHEST:g}" if np.isfinite(position) else "is not a finite position"
         raise InputError(f"vertices{bad[0][:-1].tolist()}: {position} {wrong}; repair or remove it")
     return _frozen(array)
 
@@ -77,7 +77,7 @@ class Mesh:
 
     Raises:
         InputError: wrong shape, an index out of range, or a position that is not finite or is
-            beyond ±1e100.
+            beyond ±1e60.
     """
 
     vertices: FloatArray
@@ -114,7 +114,7 @@ class MeshSequence:
 
     Raises:
         InputError: wrong shape, an index out of range, or a position that is not finite or is
-            beyond ±1e100.
+            beyond ±1e60.
     """
 
     vertices: FloatArray

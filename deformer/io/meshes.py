@@ -16,7 +16,7 @@ import numpy as np
 
 from deformer.checks import checked_instance, checked_path, checked_text
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, IntArray, Mesh, MeshSequence
+from deformer.geometry import FARTHEST, FloatArray, IntArray, Mesh, MeshSequence
 from deformer.io.atomic import (
     PathLike,
     atomic_path,
@@ -310,11 +310,11 @@ def _raise_other_faces(file: Path, faces: IntArray, first: Path, shared: IntArra
 
 
 def _check_finite(vertices: FloatArray, name: str) -> None:
-    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
+    bad = np.flatnonzero(~(np.abs(vertices) <= FARTHEST).all(axis=1))
     if len(bad):
         raise InputError(
-            f"{name}, vertex {bad[0]}: found {vertices[bad[0]].tolist()}, expected a finite "
-            "position; repair or remove it"
+            f"{name}, vertex {bad[0]}: found {vertices[bad[0]].tolist()}, expected a position "
+            f"within ±{FARTHEST:g}; repair or remove it"
         )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, IntArray
+from deformer.geometry import FARTHEST, FloatArray, IntArray
 from deformer.io.parsing import plain_text, positions, shown
 
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -93,11 +93,11 @@ def _binary_corners(data: bytes, name: str) -> FloatArray:
         )
     corners = np.frombuffer(data, _TRIANGLE, count, 84)["corners"].reshape(-1, 3)
     corners = corners.astype(np.float64)
-    bad = np.flatnonzero(~np.isfinite(corners).all(axis=1))
+    bad = np.flatnonzero(~(np.abs(corners) <= FARTHEST).all(axis=1))
     if len(bad):
         raise InputError(
             f"{name}, triangle {bad[0] // 3}: found {corners[bad[0]].tolist()}, expected "
-            "finite positions; repair the triangle"
+            f"positions within ±{FARTHEST:g}; repair the triangle"
         )
     return corners
 

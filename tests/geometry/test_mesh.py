@@ -160,12 +160,12 @@ def test_errors_name_what_came_and_what_was_expected(make, parts):
         assert part in message
 
 
-@pytest.mark.parametrize("far", [1e101, -1.5e288])
+@pytest.mark.parametrize("far", [1e61, -1.5e288])
 def test_positions_whose_lengths_overflow_are_refused(far):
     vertices = equilateral()
     vertices[1, 2] = far
-    with pytest.raises(InputError, match=r"^vertices\[1\]: .*beyond ±1e\+100; repair"):
+    with pytest.raises(InputError, match=r"^vertices\[1\]: .*beyond ±1e\+60; repair"):
         Mesh(vertices, TRIANGLE)
-    with pytest.raises(InputError, match=r"^vertices\[0, 1\]: .*beyond ±1e\+100; repair"):
+    with pytest.raises(InputError, match=r"^vertices\[0, 1\]: .*beyond ±1e\+60; repair"):
         MeshSequence(vertices[None], TRIANGLE)
-    Mesh(equilateral() * 1e99, TRIANGLE)
+    Mesh(equilateral() * 1e59, TRIANGLE)

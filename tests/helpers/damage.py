@@ -245,7 +245,7 @@ def damage_model(path, rng):
                 data["sha256"][name] = io.digest(path / name)
         data["sha256"]["model.json"] = _digest_of_description(data)
         description.write_text(json.dumps(data))
-    except (ValueError, KeyError, TypeError, OSError, RecursionError):
+    except (ValueError, KeyError, TypeError, AttributeError, OSError, RecursionError):
         pass  # the description itself is what is damaged
 
 

@@ -346,6 +346,7 @@ def test_demo_on_a_small_model(run_json, run, model_path, tmp_path):
     assert {handle["name"] for handle in result["handles"]} >= {"left toes", "head"}
     assert 0 < result["milliseconds"]["median"] <= result["milliseconds"]["p95"]
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        ".deformer.json",
         "drag.gif",
         "pose.ply",
         "sheet.png",
