@@ -72,7 +72,7 @@ def unit_warning(
     found = [_of_frame(points, frame, diagonal) for frame in frames]
     factors = [factor for factor in found if factor is not None]
     if not factors:
-        return None
+        return _of_size(frames, diagonal)
     likely = max(set(factors), key=factors.count)
     if 2 * factors.count(likely) <= len(found):
         return None
@@ -84,6 +84,18 @@ def unit_warning(
         f"the targets span about {likely:.4g} times what their points span on the model, as if "
         f"they were in {of_targets} and the model in {of_model}; if so, scale them by "
         f"{1 / likely:.4g}"
+    )
+
+
+def _of_size(frames: FloatArray, diagonal: float) -> str | None:
+    """A warning if targets (F, H, 3) of most frames lie farther apart than any pose has them."""
+    sizes = [np.linalg.norm(np.ptp(frame[~np.isnan(frame[:, 0])], axis=0)) for frame in frames]
+    size = float(np.median(sizes)) / diagonal
+    if size < _EXTREME:
+        return None
+    return (
+        f"the targets lie up to {size:.3g} times as far from each other as the model is large; if "
+        "they are in smaller units than the model, scale them"
     )
 
 

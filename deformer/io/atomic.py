@@ -127,12 +127,19 @@ def check_output_file(path: PathLike) -> None:
         raise InputError(
             f"{target}: is a pipe, socket or device, expected a file name; choose another name"
         )
-    temporary_name(target)
+    temporary_name(_behind_links(target))
+
+
+def _behind_links(path: Path) -> Path:
+    """The file that a symbolic link leads to; the suffix stays, for writers go by it."""
+    return path.resolve().with_suffix(path.suffix) if path.is_symlink() else path
 
 
 @contextmanager
 def atomic_path(path: PathLike) -> Iterator[Path]:
     """Yield a temporary file name beside `path`; rename it to `path` when the block succeeds.
+
+    A symbolic link stays: the file that it points to is written.
 
     The temporary name has the suffix of `path`. When the block raises, the temporary file is
     removed and an old file at `path` stays as it was.
@@ -146,8 +153,8 @@ def atomic_path(path: PathLike) -> Iterator[Path]:
         OSError: writing failed; its `filename` is `path`.
     """
     check_output_file(path)
-    target = Path(path)
-    temporary = temporary_name(target)
+    temporary = temporary_name(_behind_links(Path(path)))
+    target = Path(path).resolve() if Path(path).is_symlink() else Path(path)
     try:
         yield temporary
         temporary.replace(target)

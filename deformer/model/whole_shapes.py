@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from deformer.acap import extract_all, gradient_tangents
 from deformer.checks import checked_array, checked_integer
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, align
+from deformer.geometry import FARTHEST, FloatArray, align
 from deformer.linalg import Damping, damped_step, descend
 
 if TYPE_CHECKING:
@@ -120,8 +120,10 @@ def _prepared(model: DeformationModel, vertices: ArrayLike) -> tuple[FloatArray,
         )
     if not len(shapes):
         raise InputError("vertices: expected at least one shape, got none; give one")
-    if not np.isfinite(shapes).all():
-        raise InputError("vertices: not all positions are finite; repair the shape")
+    if not (np.abs(shapes) <= FARTHEST).all():
+        raise InputError(
+            f"vertices: not all positions are finite and within ±{FARTHEST:g}; repair the shape"
+        )
     if model.config.align:
         shapes = align(shapes, model.reference.vertices)
     return shapes, single

@@ -6,7 +6,7 @@ from itertools import permutations, product
 
 import numpy as np
 
-from deformer.geometry import FloatArray, IntArray, closest_rotations
+from deformer.geometry import FloatArray, IntArray, closest_rotations, rotation_to_log
 from deformer.preflight.local_rotations import LocalRotations, rotation_angles
 from deformer.preflight.neighbours import around
 from deformer.preflight.statistics import evenly
@@ -18,6 +18,8 @@ _FEW = 0.3
 _LEFT_OVER = np.radians(20.0)
 # A shape that is odd turns by more than this to all its neighbours, and they by less to the next.
 _ODD = np.radians(45.0)
+# Cosine of the angle between axes of turns that are alike.
+_ALIKE = 0.7
 _COMPARED = 200
 
 
@@ -76,7 +78,9 @@ def undoing(local: LocalRotations, good: IntArray, mirrored: IntArray) -> dict[i
         undone = {
             int(n): P[k]
             for k, n in enumerate(chosen)
-            if gain[k] < _MUCH_CLOSER and is_odd(local, int(n), around(rest, n))
+            if gain[k] < _MUCH_CLOSER
+            and is_odd(local, int(n), around(rest, n))
+            and not _turn_so(local, rest, P[k])
         }
     # A mirrored shape is always brought back, by what brings it nearest.
     if len(mirrored):
@@ -92,6 +96,16 @@ def is_odd(local: LocalRotations, n: int, near: IntArray) -> bool:
         return False
     steps = local.angles(near[:-1], near[1:])
     return bool(np.median(steps) < _ODD < local.angles(n, near).min())
+
+
+def _turn_so(local: LocalRotations, shapes: IntArray, P: FloatArray) -> bool:
+    """True if some of the shapes turn by over 45° about the axis of P (3, 3): dancers do."""
+    shapes = shapes[evenly(len(shapes), _COMPARED)]
+    turns = rotation_to_log(local.between(shapes, int(shapes[0]))[1])
+    angles = np.linalg.norm(turns, axis=1)
+    far = turns[angles > _ODD] / angles[angles > _ODD, None]
+    axis = rotation_to_log(P)
+    return bool((np.abs(far @ axis) > _ALIKE * np.linalg.norm(axis)).any())
 
 
 class _Nearness:

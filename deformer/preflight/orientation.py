@@ -82,13 +82,14 @@ def examine_orientation(measures: Statistics, excluded: set[int], label: Labels)
     turned = others[(angles[others] > LARGE_ROTATION) & (after < _CLOSER * before)]
     if len(turned) and after.sum() < _ALL_CLOSER * before.sum():
         worst = turned[angles[turned].argmax()]
+        more, limit = len(turned) - 1, np.degrees(LARGE_ROTATION)
+        others_text = f", as are {more} more by over {limit:.0f}°" if more else ""
         findings.append(
             Finding(
                 "warning",
                 "turned",
                 f"{label([worst])} is turned by {np.degrees(angles[worst]):.0f}° as a whole "
-                f"against shape 0, as are {len(turned) - 1} more by over "
-                f"{np.degrees(LARGE_ROTATION):.0f}°; aligning all brings their local rotations "
+                f"against shape 0{others_text}; aligning all brings their local rotations "
                 f"{before.sum() / max(after.sum(), 1e-9):.2g} times closer, so train with --align "
                 "(align_shapes=True) if the turns mean nothing",
                 tuple(turned.tolist()),

@@ -170,7 +170,7 @@ def train(
         model = examples.build_model(result.weights, settings, split, summary)
     rebuilt = model.decode(model.codes)
     summary["train_e_rms"] = e_rms(examples.shapes.vertices, rebuilt)
-    summary |= _farthest(vertex_errors(examples.shapes.vertices, rebuilt), indices, base)
+    summary |= _farthest(examples.shapes.vertices, rebuilt, indices, base)
     if test_shapes is not None:
         if settings.align:
             test_shapes = align(test_shapes, examples.reference.vertices)
@@ -244,22 +244,33 @@ def _digest(shapes: MeshSequence, reference: Mesh) -> str:
     return found.hexdigest()
 
 
-def _farthest(distances: FloatArray, indices: list[int], reference: Mesh) -> dict[str, Any]:
-    """Entries of a model's summary about the shape and the piece that its codes tell least of.
+def _farthest(
+    shapes: FloatArray, rebuilt: FloatArray, indices: list[int], reference: Mesh
+) -> dict[str, Any]:
+    """Entries of a model's summary about the shapes and the piece that its codes tell least of.
 
     Args:
-        distances: (N, V) of each vertex from where its code puts it.
+        shapes: (N, V, 3) training shapes.
+        rebuilt: (N, V, 3) shapes decoded from their codes.
         indices: (N,) indices of the training shapes.
         reference: its connected components are the pieces.
 
     Returns:
-        The shape, and where there are several pieces the first vertex of the piece, each with its
-        root mean square distance in bounding diagonals.
+        The shape whose centroid is farthest off, the shape that differs most besides, and where
+        there are several pieces the first vertex of the piece that does; each with its distance
+        (root mean square of the vertices') in bounding diagonals.
     """
-    squares = (distances / reference.bounding_diagonal) ** 2
+    diagonal = reference.bounding_diagonal
+    places = np.linalg.norm(shapes.mean(axis=1) - rebuilt.mean(axis=1), axis=1) / diagonal
+    squares = (vertex_errors(shapes, rebuilt, "centroid") / diagonal) ** 2
     of_shapes = np.sqrt(squares.mean(axis=1))
-    worst = int(of_shapes.argmax())
-    entries = {"worst_shape": indices[worst], "worst_shape_rms": float(of_shapes[worst])}
+    place, worst = int(places.argmax()), int(of_shapes.argmax())
+    entries = {
+        "worst_place": indices[place],
+        "worst_place_distance": float(places[place]),
+        "worst_shape": indices[worst],
+        "worst_shape_rms": float(of_shapes[worst]),
+    }
     if len(reference.links) == 0:
         return entries
     sums = np.bincount(reference.labels, weights=squares.mean(axis=0))

@@ -121,3 +121,14 @@ def test_solvers_log_it_once(model, shapes, caplog):
     assert len(caplog.messages) == 1
     fit_sequence(model, HANDLES, 0.01 * shapes[:4, HANDLES])
     assert len(caplog.messages) == 2 and "centimetres" in caplog.messages[1]
+
+
+def test_targets_farther_apart_than_any_pose_have_a_warning_without_a_factor(model):
+    """Of another body, so that no scale brings them near their points."""
+    rng, D = np.random.default_rng(3), model.reference.bounding_diagonal
+    targets = 1000 * D * rng.normal(size=(5, 3))
+    warning = unit_warning(model, [0, 1, 2, 3, 4], targets)
+    assert "times as far from each other" in warning
+    assert unit_warning(model, [0, 1, 2, 3, 4], targets / 100) is None
+    with_missing = np.concatenate([targets, np.full((1, 3), np.nan)])
+    assert unit_warning(model, [0, 1, 2, 3, 4, 5], with_missing) is not None

@@ -141,3 +141,23 @@ def test_a_name_too_long_for_its_temporary_file_is_one_line_before_anything_is_w
         ):
             raise AssertionError("work has started")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(os.name == "nt", reason="symbolic links need rights there")
+def test_a_file_behind_a_symbolic_link_is_written_and_the_link_stays(tmp_path):
+    (tmp_path / "there").mkdir()
+    file, link = tmp_path / "there" / "data", tmp_path / "link.txt"
+    file.write_text("old")
+    link.symlink_to(file)
+    with io.atomic_path(link) as temporary:
+        assert temporary.suffix == ".txt" and temporary.parent == file.parent
+        temporary.write_text("new")
+    assert link.is_symlink() and file.read_text() == link.read_text() == "new"
+    assert names(tmp_path) == ["link.txt", "there"] and names(file.parent) == ["data"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="symbolic links need rights there")
+def test_a_link_to_a_folder_that_is_not_there_is_refused_before_work(tmp_path):
+    (tmp_path / "link.txt").symlink_to(tmp_path / "nowhere" / "data")
+    with pytest.raises(InputError, match="nowhere"):
+        io.check_output_file(tmp_path / "link.txt")

@@ -443,3 +443,11 @@ def test_reference_shape_matters_for_a_tube_of_another_mesh():
 def test_a_printed_model_is_a_line():
     model = load_model("humanoid")
     assert repr(model) == "DeformationModel(3400 vertices, 40 components, 200 training shapes)"
+
+
+@pytest.mark.parametrize("size", [1e160, 1e300])
+def test_shapes_whose_lengths_overflow_have_no_code(size):
+    model = small_model()
+    for method in (model.encode, model.fit):
+        with pytest.raises(InputError, match=r"^vertices: .*within ±1e\+60; repair the shape"):
+            method(model.reference.vertices * size)

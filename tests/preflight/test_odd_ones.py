@@ -5,8 +5,11 @@ import pytest
 
 from bars import bar_mesh, bend
 from bodies import bending, turn
-from deformer import MeshSequence, examine, repair_shapes
+from deformer import MeshSequence, examine, load_shapes, repair_shapes
 from deformer.geometry import procrustes
+from deformer.preflight.axes import _turn_so
+from deformer.preflight.local_rotations import LocalRotations
+from paths import DATA
 
 COUNT = 14
 DIAGONAL = float(np.linalg.norm(np.ptp(bending().vertices[0], axis=0)))
@@ -87,6 +90,39 @@ def test_two_turned_shapes_are_both_named():
 )  # fmt: skip
 def test_a_set_that_spins_has_no_turned_shape(angles):
     assert not found(turned(angles))
+
+
+@pytest.mark.parametrize("last", [80, 90, 100])
+def test_a_dancer_that_turns_by_a_right_angle_has_no_mixed_up_axes(last):
+    """Few frames of one that turns about the upright axis, quickly at the end of each half."""
+    base = bending(COUNT)
+    degrees = np.array([0, 10, 25, 40, 60, 85, last, 75, 50, 30, 20, 5])[: len(base)]
+    angles = np.radians(np.resize(degrees, len(base)))
+    vertices = [p @ turn([0, 1, 0], a).T for p, a in zip(base.vertices, angles, strict=True)]
+    assert not found(MeshSequence(np.array(vertices), base.faces))
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="the example sets are not there")
+@pytest.mark.parametrize("step", [5, 7, 12, 20])
+def test_a_real_dancer_has_no_mixed_up_axes(step):
+    shapes = load_shapes(DATA / "crane.npz")
+    assert not found(shapes.subset(range(0, len(shapes), step)))
+
+
+def test_turns_about_an_axis_are_told_from_others():
+    upright = turn([0, 1, 0], np.pi / 2)
+    tilted = turn([1, 0, 0], np.pi / 2)
+    base = bending(COUNT)
+
+    def told(degrees, P):
+        angles = np.radians(np.resize(degrees, COUNT))
+        vertices = [p @ turn([0, 1, 0], a).T for p, a in zip(base.vertices, angles, strict=True)]
+        local = LocalRotations.of(np.array(vertices), base.faces)
+        return _turn_so(local, np.arange(COUNT), P)
+
+    assert told([0, 20, 60, 100], upright)
+    assert not told([0, 20, 60, 100], tilted)
+    assert not told([0, 5, 10, 15], upright)
 
 
 def test_a_bar_whose_twist_jumps_is_not_turned_as_a_whole():
