@@ -40,9 +40,8 @@ _REFINEMENTS = 10
 _RESTING = 1e-2
 _RESTING_GAIN = 1e-9
 _LOWER = 5e-3
-# Noise chosen by the search: the change of its square that is followed, the most changes in one
-# minimum, and the most searches from all starts with another noise.
-_NOISE_CHANGE, _NOISE_CHANGES, _NOISE_SEARCHES = 1.1, 8, 3
+# Noise chosen by the search: the change that is followed, and the most changes in one minimum.
+_NOISE_CHANGE, _NOISE_CHANGES = 1.05, 8
 # Shares of a refining step, tried in turn until one lowers the exact energy.
 _SHARES = (1.0, 0.3, 0.1, 0.03)
 
@@ -85,6 +84,8 @@ class _Found:
     correction: _Correction | None
 
 
+# Unknowns, energy and steps of a descent by landmarks.
+_Coarse = tuple[FloatArray, float, int]
 # Yields the steps of its parts, returns the result.
 _Search = Generator[int, None, _Found]
 
@@ -250,43 +251,53 @@ class CodeSearch:
     def _search(self) -> _Search:
         """The search of a cold solve, in parts: of a descent by landmarks, or of a refinement.
 
-        A noise that changes is followed in the minimum found; with the last one all starts are
-        tried again.
+        A noise that is chosen is followed by landmarks in the minimum that the least one leads to;
+        with another one all starts are tried again, and it is followed in what they lead to.
         """
-        if self.least_noise is None:
-            return (yield from self._search_in(self.energy))
-        found = yield from self._search_in(replace(self.energy, noise=self.least_noise))
-        for _ in range(_NOISE_SEARCHES):
-            noise = found.energy.noise
-            found = yield from self._follow_noise(found, self.least_noise)
-            if found.energy.noise == noise:
-                break
-            found = yield from self._search_in(found.energy)
-        return found
-
-    def _follow_noise(self, found: _Found, least: float) -> _Search:
-        """Follow the noise that a result asks for, in the same minimum, until it stays."""
+        least = self.least_noise
+        energy = self.energy if least is None else replace(self.energy, noise=least)
+        positions = self._basis.landmark_positions()
+        coarse = yield from self._coarse(energy, positions)
+        if least is None:
+            return (yield from self._finished(energy, coarse))
+        x = coarse[0][0]
         for _ in range(_NOISE_CHANGES):
-            state, noise = found.state, found.energy.noise
-            wanted = found.energy.noise_within_reach(state.x, state.p, least)
-            if 1 / _NOISE_CHANGE < (wanted / noise) ** 2 < _NOISE_CHANGE:
+            p = positions.at(energy.code(x)).positions
+            wanted = energy.noise_within_reach(x, p, least)
+            if _alike(wanted, energy.noise):
                 break
-            energy = replace(found.energy, noise=wanted)
+            energy = replace(energy, noise=wanted)
+            x, _, steps = energy.descend(positions, x, _START_STEPS)
+            yield steps
+        if energy.noise != least:
+            coarse = yield from self._coarse(energy, positions)
+        found = yield from self._finished(energy, coarse)
+        for _ in range(_NOISE_CHANGES):
+            energy, state = found.energy, found.state
+            wanted = energy.noise_within_reach(state.x, state.p, least)
+            if _alike(wanted, energy.noise):
+                break
+            energy = replace(energy, noise=wanted)
             state = replace(state, energy=energy.value(state.x, state.p))
             found = yield from self._converge(energy, state)
         return found
 
-    def _search_in(self, energy: HandleEnergy) -> _Search:
-        """Search from all starts for the least value of an energy."""
-        positions, coarse = self._basis.landmark_positions(), []
-        for term, start in self._all_starts(energy, positions):
-            coarse.append(term.descend(positions, start, _START_STEPS))
-            yield coarse[-1][2]
-        coarse.sort(key=lambda entry: entry[1])
+    def _finished(self, energy: HandleEnergy, coarse: list[_Coarse]) -> _Search:
+        """Refine the lowest results of descents by landmarks, and take the lowest."""
         finished = []
         for x, _, _ in coarse[:_FINISHED]:
             finished.append((yield from self._converge(energy, self.evaluate(x, energy))))
         return min(finished, key=lambda found: found.state.energy)
+
+    def _coarse(
+        self, energy: HandleEnergy, positions: HandlePositions
+    ) -> Generator[int, None, list[_Coarse]]:
+        """Descents by landmarks from all starts: unknowns, energy and steps, the lowest first."""
+        found = []
+        for term, start in self._all_starts(energy, positions):
+            found.append(term.descend(positions, start, _START_STEPS))
+            yield found[-1][2]
+        return sorted(found, key=lambda entry: entry[1])
 
     def _converge(self, energy: HandleEnergy, state: State) -> _Search:
         """Refine a state until its energy no longer falls."""
@@ -435,3 +446,8 @@ class CodeSearch:
             scored.append(min(moved, key=lambda entry: entry[0]))
         others = sorted(scored[1:], key=lambda entry: entry[0])[:_STARTS]
         return [scored[0][1], *(x for _, x in others)]
+
+
+def _alike(wanted: float, noise: float) -> bool:
+    """True if a noise need not be changed to the one wanted."""
+    return 1 / _NOISE_CHANGE < wanted / noise < _NOISE_CHANGE
