@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from deformer import DeformationModel, Layout, vertex_normals
@@ -28,9 +29,11 @@ def draw_layout(model: DeformationModel, layout: Layout) -> Picture:
     normals = vertex_normals(mesh.vertices, mesh.faces)[layout.vertices]
     up = str(model.summary.get("up", "y"))
     limit = max(float(np.quantile(layout.deviation, 0.99)), 1e-12)
+    aspect = (_SIZE[0] - _BAR) / _SIZE[1]
+    cameras = [aim(mesh.vertices, up=up, aspect=aspect, azimuth=a) for a in _VIEWS.values()]
+    eyes = np.array([camera.position for camera in cameras])
     pictures = []
-    for azimuth in _VIEWS.values():
-        camera = aim(mesh.vertices, up=up, aspect=(_SIZE[0] - _BAR) / _SIZE[1], azimuth=azimuth)
+    for camera, shown in zip(cameras, numbered(eyes, positions, normals), strict=True):
         layer = Layer(
             mesh,
             scalars=layout.deviation,
@@ -40,18 +43,33 @@ def draw_layout(model: DeformationModel, layout: Layout) -> Picture:
         )
         image = Image.fromarray(render(layer, camera, _SIZE, HandleGlyphs(positions)))
         pen, font = ImageDraw.Draw(image), ImageFont.load_default(_TEXT)
-        to_eye = np.subtract(camera.position, positions)
-        facing = (normals * to_eye).sum(axis=1) > _FACING * np.sqrt((to_eye**2).sum(axis=1))
-        for n in np.flatnonzero(facing):
+        for n in np.flatnonzero(shown):
             x, y = camera.project(positions[n, None], _SIZE)[0]
+            right = x < _SIZE[0] - _BAR  # of the handle, and not on the colour bar
             pen.text(
-                (x + 9, y - 9),
+                (x + 9 if right else x - 9, y - 9),
                 str(n + 1),
                 fill=INK,
                 font=font,
-                anchor="lb",
+                anchor="lb" if right else "rb",
                 stroke_width=3,
                 stroke_fill="white",
             )
         pictures.append(np.asarray(image))
     return contact_sheet(pictures, len(pictures), list(_VIEWS))
+
+
+def numbered(
+    eyes: NDArray[np.float64], positions: NDArray[np.float64], normals: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """True (v, n) where a view has the number of a handle: those that face it.
+
+    A handle on a side faces no view; it has its number in the one that shows most of it.
+
+    Args:
+        eyes: (v, 3) positions of the cameras.
+        positions, normals: (n, 3) of the handles.
+    """
+    sight = eyes[:, None] - positions
+    facing = (normals * sight).sum(axis=2) / np.sqrt((sight**2).sum(axis=2))
+    return (facing > _FACING) | (facing == facing.max(axis=0))
