@@ -4,4 +4,4 @@ import sys
 
 # A shell that runs the tests in the background has its programs ignore SIGINT.
 _HEED = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
-DEFORMER = [sys.executable, "-c", _HEED + "from deformer_app.cli.main import main; main()"]
+DEFORMER = [sys.executable, "-c", _HEED + "from deformer_app.entry import main; main()"]
