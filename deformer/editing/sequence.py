@@ -30,7 +30,7 @@ from deformer.editing.solver import HandleSolver
 from deformer.editing.unknowns import Unknowns
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, SurfacePoints, log_to_rotation
-from deformer.linalg import one_blas_thread, resolve_device
+from deformer.linalg import check_device, one_blas_thread, resolve_device
 from deformer.model import DeformationModel
 
 # Number of frames in a window, and of frames after it that are solved for with it, and again with
@@ -117,11 +117,7 @@ def fit_sequence(
     checked_integer(relaxation, "relaxation", least=0)
     if backend is not None:
         checked_choice(backend, "backend", ("numba", "torch"))
-    if not isinstance(device, str) or device not in (
-        "cpu",
-        "auto",
-    ):  # before the solver, which may compile kernels
-        resolve_device(device)
+    check_device(device)  # before the solver, which may compile kernels
     # In a motion the body may go anywhere: the rigid motion has the diffuse prior alone.
     solver = HandleSolver(model, rigid=rigid, noise=noise, freedom=1.0)
     solver.warn_of_units(points, np.where(factors[..., None] > 0, goals, np.nan))

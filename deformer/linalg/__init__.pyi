@@ -1,4 +1,5 @@
 from .device import (
+    check_device as check_device,
     resolve_device as resolve_device,
 )
 from .levenberg_marquardt import (

@@ -11,6 +11,16 @@ if TYPE_CHECKING:
     import torch
 
 
+def check_device(device: str) -> None:
+    """Check the name of a device as `resolve_device` does, without torch for "cpu" and "auto".
+
+    Raises:
+        InputError: another name, or a device that this machine does not have.
+    """
+    if not isinstance(device, str) or device not in ("cpu", "auto"):
+        resolve_device(device)
+
+
 def resolve_device(device: str) -> torch.device:
     """The torch device of a name.
 

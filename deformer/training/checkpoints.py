@@ -206,7 +206,7 @@ class Stages:
             return None
         self.check(name)
         arrays = read_tensors(where)
-        if read_metadata(where, "identity")["arrays"].value != _digest(arrays):
+        if read_metadata(where, "identity")["arrays"].value != digest(arrays):
             raise InputError(f"{where}: altered since it was written; {_REMEDY}")
         return arrays
 
@@ -225,7 +225,7 @@ class Stages:
         if self._folder is None:
             return
         self._folder.mkdir(parents=True, exist_ok=True)
-        identity = {**self._identity, "arrays": _digest(arrays)}
+        identity = {**self._identity, "arrays": digest(arrays)}
         write_tensors(_stage(self._folder, name), arrays, {"identity": json.dumps(identity)})
 
 
@@ -251,7 +251,7 @@ def _stage(folder: str | Path, name: str) -> Path:
     return Path(folder) / f"{name}.safetensors"
 
 
-def _digest(arrays: Mapping[str, NDArray]) -> str:
+def digest(arrays: Mapping[str, NDArray]) -> str:
     """SHA-256 of arrays and their names."""
     found = hashlib.sha256()
     for name, array in sorted(arrays.items()):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import replace
@@ -24,7 +23,7 @@ from deformer.checks import (
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, Mesh, MeshSequence, align, e_rms, vertex_errors
 from deformer.io import locked
-from deformer.linalg import resolve_device
+from deformer.linalg import check_device
 from deformer.model import DeformationModel
 from deformer.network import (
     FEATURES,
@@ -38,6 +37,7 @@ from deformer.training.checkpoints import (
     blamed,
     check_checkpoint,
     check_identity,
+    digest,
     has_checkpoint,
     has_trained,
     remove_checkpoint,
@@ -99,11 +99,7 @@ def train(
     settings = resolve_config(config, components=components, epochs=epochs, align=align_shapes)
     checked_integer(seed, "seed", least=0, most=2**63 - 1)
     checked_flag(resume, "resume")
-    if not isinstance(device, str) or device not in (
-        "cpu",
-        "auto",
-    ):  # torch takes seconds to import; Adam alone needs it
-        resolve_device(device)
+    check_device(device)
     checked_choice(up, "up", ("x", "y", "z", "-x", "-y", "-z"))
     if resume and (checkpoint is None or not has_checkpoint(checkpoint)):
         raise InputError(f"{checkpoint}: no checkpoint to resume; start without resuming")
@@ -130,7 +126,8 @@ def train(
 
     reference_index = indices.index(reference) if reference in indices else None
     chosen = shapes.subset(indices)
-    identity = {**_identity(settings, seed), "shapes": _digest(chosen, base)}
+    arrays = {"shapes": chosen.vertices, "faces": chosen.faces, "reference": base.vertices}
+    identity = {**_identity(settings, seed), "shapes": digest(arrays)}
     stages = Stages(folder, identity)
     handle_noise = None
     with locked(folder) if folder is not None else nullcontext():
@@ -233,15 +230,6 @@ def _check_size(shapes: MeshSequence, settings: ModelConfig) -> None:
 
 def _identity(config: ModelConfig, seed: int) -> dict[str, Any]:
     return {"config": config.as_dict(), "seed": seed}
-
-
-def _digest(shapes: MeshSequence, reference: Mesh) -> str:
-    """SHA-256 of shapes and of their reference."""
-    found = hashlib.sha256()
-    for array in (shapes.vertices, shapes.faces, reference.vertices):
-        found.update(str(array.shape).encode())
-        found.update(np.ascontiguousarray(array).data)
-    return found.hexdigest()
 
 
 def _farthest(

@@ -36,6 +36,17 @@ def bending(count=8, most=1.2):
     return MeshSequence(np.array(shapes), faces)
 
 
+def cut_in_two():
+    """`bending()` cut along a seam, whose vertices come a second time at the end."""
+    shapes = bending()
+    first_half = shapes.faces[:, 0] < 90
+    seam = np.intersect1d(shapes.faces[first_half], shapes.faces[~first_half])
+    number = np.arange(170)
+    number[seam] = 170 + np.arange(len(seam))
+    faces = np.where(first_half[:, None], shapes.faces, number[shapes.faces])
+    return MeshSequence(np.concatenate([shapes.vertices, shapes.vertices[:, seam]], axis=1), faces)
+
+
 def turn(axis, angle):
     """Rotation (3, 3) about an axis by an angle in radians."""
     x, y, z = np.asarray(axis) / np.linalg.norm(axis)

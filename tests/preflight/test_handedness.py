@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bars import bar_mesh, bend
-from bodies import bending, grid, turn
+from bodies import bending, cut_in_two, grid, turn
 from deformer import MeshSequence, examine, repair_shapes
 from deformer.geometry import procrustes
 
@@ -96,14 +96,7 @@ def test_faces_that_all_look_inwards_change_nothing():
 
 
 def test_a_body_cut_along_seams_is_judged_as_a_whole():
-    shapes = bending()
-    halves = shapes.faces[:, 0] < 90
-    seam = np.intersect1d(shapes.faces[halves], shapes.faces[~halves])
-    number = np.arange(170)
-    number[seam] = 170 + np.arange(len(seam))
-    faces = np.where(halves[:, None], shapes.faces, number[shapes.faces])
-    cut = MeshSequence(np.concatenate([shapes.vertices, shapes.vertices[:, seam]], axis=1), faces)
-    assert ("mirrored", (5,)) in faults(changed(cut, 5, lambda p: p * [-1, 1, 1]))
+    assert ("mirrored", (5,)) in faults(changed(cut_in_two(), 5, lambda p: p * [-1, 1, 1]))
 
 
 def test_a_body_turned_inside_out_is_no_mirror_image():

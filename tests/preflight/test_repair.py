@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bodies import bending
+from bodies import bending, cut_in_two
 from deformer import MeshSequence, examine, repair_shapes
 
 
@@ -67,17 +67,10 @@ def test_an_order_that_cannot_be_found_is_said_and_left():
 
 
 def test_seams_are_welded_and_vertices_without_a_face_dropped():
-    shapes = bending()
-    first_half = shapes.faces[:, 0] < 90
-    seam = np.intersect1d(shapes.faces[first_half], shapes.faces[~first_half])
-    number = np.arange(170)
-    number[seam] = 170 + np.arange(len(seam))
-    faces = np.where(first_half[:, None], shapes.faces, number[shapes.faces])
-    vertices = np.concatenate(
-        [shapes.vertices, shapes.vertices[:, seam], shapes.vertices[:, :1] + 9], axis=1
-    )
-    assert faults(MeshSequence(vertices, faces)) == ["seams"]
-    repaired = repair_shapes(MeshSequence(vertices, faces))
+    shapes, cut = bending(), cut_in_two()
+    vertices = np.concatenate([cut.vertices, shapes.vertices[:, :1] + 9], axis=1)
+    assert faults(MeshSequence(vertices, cut.faces)) == ["seams"]
+    repaired = repair_shapes(MeshSequence(vertices, cut.faces))
     np.testing.assert_array_equal(repaired.shapes.vertices, shapes.vertices)
     np.testing.assert_array_equal(repaired.shapes.faces, shapes.faces)
     np.testing.assert_array_equal(repaired.kept, np.arange(170))
