@@ -290,7 +290,7 @@ class _Choice:
         """Condition the covariance on handles at a group (m,)."""
         index = _coordinates(group[None])[0]
         V = self._P[:, index]
-        self._update(V, np.linalg.inv(V[index] + self._noise * np.eye(len(index))))
+        self._update(V, _inverse(V[index] + self._noise * np.eye(len(index))))
 
     def _release(self, n: int) -> None:
         """Take group n of the chosen ones back.
@@ -299,10 +299,10 @@ class _Choice:
         P changes by V A_gg⁻¹ Vᵀ, V = C_h A_g.
         """
         index = _coordinates(np.concatenate(self.chosen)[:, None]).ravel()
-        A = np.linalg.inv(self._C[np.ix_(index, index)] + self._noise * np.eye(len(index)))
+        A = _inverse(self._C[np.ix_(index, index)] + self._noise * np.eye(len(index)))
         first = 3 * sum(len(group) for group in self.chosen[:n])
         own = slice(first, first + 3 * len(self.chosen.pop(n)))
-        self._update(self._C[:, index] @ A[:, own], -np.linalg.inv(A[own, own]))
+        self._update(self._C[:, index] @ A[:, own], -_inverse(A[own, own]))
 
     def _update(self, V: FloatArray, S: FloatArray) -> None:
         """Change P to P − V S Vᵀ, and with it the blocks P_gg and P_g W P_gᵀ of all candidates."""
@@ -316,6 +316,10 @@ class _Choice:
             mixed = solved @ across[rows].transpose(0, 2, 1)
             self._reduced[n] += solved @ square @ solved.transpose(0, 2, 1)
             self._reduced[n] -= mixed + mixed.transpose(0, 2, 1)
+
+
+def _inverse(A: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.inv(A), dtype=np.float64)
 
 
 def _coordinates(groups: IntArray) -> IntArray:
