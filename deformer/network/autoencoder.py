@@ -14,6 +14,9 @@ from deformer.geometry import IntArray
 from deformer.network.config import FEATURES
 from deformer.network.weights import NetworkWeights
 
+# Standard deviation of all initial weights, as in the public code of the paper's authors.
+_DEVIATION = 0.02
+
 
 class MeanOverRing(nn.Module):
     """Mean over the one-ring: x (V, …) to (V, …), 0 for a vertex without neighbours.
@@ -89,14 +92,12 @@ class GraphConv(nn.Module):
     """
 
     def __init__(self, inputs: int, outputs: int) -> None:
-        """Initialise as linear layers are (Glorot)."""
+        """Draw the weights from a normal distribution; the biases are zero."""
         super().__init__()
-        self.point = nn.Parameter(torch.empty(outputs, inputs))
-        self.neighbour = nn.Parameter(torch.empty(outputs, inputs))
+        self.point = nn.Parameter(_DEVIATION * torch.randn(outputs, inputs))
+        self.neighbour = nn.Parameter(_DEVIATION * torch.randn(outputs, inputs))
         self.bias = nn.Parameter(torch.zeros(outputs))
         self.bias_back = nn.Parameter(torch.zeros(inputs))
-        nn.init.xavier_uniform_(self.point)
-        nn.init.xavier_uniform_(self.neighbour)
 
     def forward(self, x: Tensor, mean: Tensor) -> Tensor:
         """Encoder direction.
@@ -138,17 +139,13 @@ class MeshAutoencoder(nn.Module):
     def __init__(
         self, indptr: IntArray, rings: IntArray, components: int, layers: tuple[int, ...]
     ) -> None:
-        """Initialise the weights, C small."""
+        """Draw all weights from a normal distribution; the biases are zero."""
         super().__init__()
         V = len(indptr) - 1
         self.mean = MeanOverRing(indptr, rings)
         widths = [FEATURES, *layers]
         self.convs = nn.ModuleList(GraphConv(a, b) for a, b in pairwise(widths))
-        # Training never removes the part of a component's random start that is outside the span of
-        # the examples, and that part adds to the error on other shapes. A start much smaller than
-        # the features keeps it small at no cost.
-        scale = 0.1 / (V * widths[-1]) ** 0.5
-        self.C = nn.Parameter(scale * torch.randn(V, widths[-1], components))
+        self.C = nn.Parameter(_DEVIATION * torch.randn(V, widths[-1], components))
 
     @classmethod
     def from_weights(
@@ -179,16 +176,16 @@ class MeshAutoencoder(nn.Module):
 
         The convolutions start close to the identity, as far as their widths allow, and C with the
         leading right singular vectors of the convolved features. Components that exceed the number
-        of singular vectors keep their random start.
+        of singular vectors keep their random start, scaled to a length of 0.1.
         """
         for conv in self.layers:
-            conv.point.mul_(0.1).add_(1.1 * torch.eye(*conv.point.shape, device=x.device))
-            conv.neighbour.mul_(0.1)
+            conv.point.add_(1.1 * torch.eye(*conv.point.shape, device=x.device))
         f = self._convolve(x)
         # From the Gram matrix (N, N), which needs little memory beside f.
         values, vectors = torch.linalg.eigh(f @ f.T)
         count = min(self.C.shape[2], int((values > 1e-6 * values[-1]).sum()))
         leading = vectors[:, -count:].flip(1) / values[-count:].flip(0).sqrt()
+        self.C.mul_(0.1 / self.C.square().sum(dim=(0, 1)).sqrt())
         self.C[:, :, :count] = (f.T @ leading).reshape(*self.C.shape[:2], count)
 
     def _convolve(self, x: Tensor, mean: Tensor | None = None) -> Tensor:

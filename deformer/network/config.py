@@ -25,7 +25,8 @@ MOST_EPOCHS = 9_999_999
 class AdamSettings:
     """Training of the whole network by Adam; the defaults are the paper's.
 
-    Tan et al. 2018, training (at the end of section "Network Architecture").
+    Tan et al. 2018, training (at the end of section "Network Architecture"). What the paper does
+    not say, the start and the number of steps, is that of its authors' public code.
 
     Args:
         layers: output width of each graph convolution of the encoder; the last is the paper's μ.
@@ -39,8 +40,8 @@ class AdamSettings:
         batch: number of examples drawn for every step; 0 uses all of them (the paper).
         mixed_shapes: number of shapes, each mixed from two examples region by region, that are
             added to every step; 0 trains on the examples alone (the paper).
-        initial: "random" weights, or "pca": principal components of the convolved features; the
-            paper does not say.
+        initial: "random", all weights from a normal distribution of deviation 0.02 and zero biases
+            (the paper's authors), or "pca": principal components of the convolved features.
         pruning: after training, weights ‖C_k^i‖ below this share of component k's largest are set
             to zero, which bounds the supports; 0 keeps all weights (the paper).
         encoder: how the trained model encodes shapes: "network" is the network's own encoder (the
@@ -54,7 +55,7 @@ class AdamSettings:
     method: ClassVar[str] = "adam"
 
     layers: tuple[int, ...] = (FEATURES,)
-    epochs: int = 3000
+    epochs: int = 2000
     sparsity: float = 0.5
     range_weight: float = 0.5
     range_limit: float = 5.0

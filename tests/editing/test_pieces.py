@@ -128,7 +128,7 @@ def test_many_pieces_train_and_fit(count, components):
 @pytest.mark.slow
 def test_the_network_of_the_paper_knows_the_pieces_too():
     shapes = pieces()
-    model = train(shapes, components=8, config="paper", epochs=400, device="cpu")
+    model = train(shapes, components=8, config="paper", device="cpu")
     found, true = model.decode(model.fit(shapes.vertices)), shapes.vertices
     ball, tubes = ([p[:, part].mean(axis=1) for p in (found, true)] for part in (BALL, TUBE))
     # Where the ball is from the tube, against a ball that does not slide.

@@ -152,6 +152,26 @@ def test_network_by_formula(layers):
     np.testing.assert_allclose(estimate.numpy(), expected, **tolerance(np.float32))
 
 
+@pytest.mark.parametrize("layers", [(9,), (40, 30)])
+def test_a_new_network_has_normal_weights_of_one_deviation_and_no_biases(layers):
+    """The start of the paper's authors, on a mesh of any size."""
+    torch.manual_seed(0)
+    drawn = []
+    for size in (5, 50):
+        for name, value in MeshAutoencoder(*one_rings(FACES, size), 20, layers).named_parameters():
+            if "bias" in name:
+                assert (value == 0).all()
+            else:
+                entries = value.detach().flatten()
+                # Six standard errors of the deviation and of the mean of normal numbers.
+                assert entries.std() == pytest.approx(0.02, rel=6 / (2 * len(entries)) ** 0.5)
+                assert abs(entries.mean()) < 6 * 0.02 / len(entries) ** 0.5
+                drawn.append(entries)
+    scaled = torch.cat(drawn) / 0.02
+    # Normal, not uniform or truncated: the fourth moment is 3.
+    assert (scaled**4).mean() == pytest.approx(3, rel=6 * (96 / len(scaled)) ** 0.5 / 3)
+
+
 @pytest.mark.parametrize("layers", [(9,), (7, 4)])
 def test_weights_are_tied(layers):
     """There is one set of matrices: C, and two matrices and two biases a convolution."""
@@ -191,6 +211,8 @@ def test_presets_are_the_papers_and_ours():
     constants = (adam.sparsity, adam.range_weight, adam.range_limit, paper.d_min, paper.d_max)
     assert constants == (0.5, 0.5, 5.0, 0.2, 0.4)
     assert adam.learning_rate == 1e-3
+    # Not in the paper, but in the public code of its authors.
+    assert (adam.initial, adam.epochs) == ("random", 2000)
     own = ModelConfig(name="own", training=AdamSettings(epochs=12))
     assert resolve_config(own, epochs=None) == own
     default = resolve_config("default", epochs=7, align=True)
