@@ -35,8 +35,8 @@ class AdamSettings:
         range_weight: λ₂, weight of V(Z).
         range_limit: θ, the latent magnitude up to which V(Z) is 0.
         learning_rate: Adam's learning rate; the peak if `schedule` is "cosine".
-        schedule: course of the learning rate after a short rise: "constant" (the paper), or
-            "cosine", which falls to a hundredth.
+        schedule: course of the learning rate: "constant" (the paper), or "cosine", which rises over
+            the first steps and falls to a hundredth.
         batch: number of examples drawn for every step; 0 uses all of them (the paper).
         mixed_shapes: number of shapes, each mixed from two examples region by region, that are
             added to every step; 0 trains on the examples alone (the paper).

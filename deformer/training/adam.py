@@ -239,10 +239,10 @@ def _with_mixed(x: Tensor, mixer: _Mixer | None, count: int) -> Tensor:
 
 
 def _learning_rate(settings: AdamSettings, epoch: int) -> float:
+    if settings.schedule == "constant":
+        return settings.learning_rate
     # Adam's first steps change all entries of C by the same amount: if the mean of the features is
     # far from zero, full steps would saturate every tanh for good.
     rise = min(1.0, (epoch + 1) / _WARM_UP)
-    if settings.schedule == "constant":
-        return settings.learning_rate * rise
     fall = 0.5 * (1.0 + math.cos(math.pi * epoch / settings.epochs))
     return settings.learning_rate * (0.01 + 0.99 * fall) * rise
