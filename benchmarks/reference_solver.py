@@ -166,6 +166,7 @@ class ReferenceSolver:
             rotation=x[-6:-3].copy(),
             translation=self._diagonal * x[-3:],
             residual=np.linalg.norm(p[self._given] - self._given_targets, axis=1),
+            orientation_residual=np.full(len(self._given), np.nan),
             iterations=sum(steps for _, _, steps in found),
             milliseconds=1000.0 * (time.perf_counter() - begun),
             prior_distance=float(np.linalg.norm(x[:-6])),

@@ -30,6 +30,7 @@ from .editing import (
     Uncertainty as Uncertainty,
     fit_sequence as fit_sequence,
     layout as layout,
+    local_rotations as local_rotations,
     uncertainty as uncertainty,
     unit_warning as unit_warning,
 )

@@ -14,6 +14,9 @@ from .handles import (
     Handle as Handle,
     Pose as Pose,
 )
+from .orientations import (
+    local_rotations as local_rotations,
+)
 from .posterior import (
     Uncertainty as Uncertainty,
     uncertainty as uncertainty,

@@ -262,10 +262,12 @@ class _Mover:
         points = self._points
         if len(points.index) == 0:
             return p - p.mean(dim=1, keepdim=True)
+        at = (self._weights[:, :, None] * p[:, points.index]).sum(dim=2)
+        if len(points.frames):
+            targets = points.stretched(_numpy(at), targets)
         if len(points.ring):
             ring = self._unit * _numpy(p[:, points.ring])
             targets = points.feet(ring, self._unit * targets) / self._unit
-        at = (self._weights[:, :, None] * p[:, points.index]).sum(dim=2)
         misfit = torch.nn.functional.pad(self._tensor(targets) - at, (0, 0, 0, 1))
         change = self._inverse @ misfit
         return p + self._rows.T @ change[:, :-1] + change[:, -1:]

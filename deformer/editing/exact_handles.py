@@ -46,9 +46,10 @@ class ExactHandles:
             targets: (n, 3).
         """
         surface.solve()
-        goals = targets
-        if len(self.points.ring):
-            goals = self.points.feet(surface.positions(Q, origin)[self.points.ring], targets)
+        goals, points = targets, self.points
+        if len(points.ring) or len(points.frames):
+            before = surface.positions(Q, origin)
+            goals = points.feet(before[points.ring], points.stretched(points.at(before), targets))
         surface.move_to_targets((goals - origin) @ Q)
         vertices = surface.positions(Q, origin)
         self.correct(vertices, targets)
@@ -62,6 +63,7 @@ class ExactHandles:
             targets: (n, 3).
         """
         points, n = self.points, len(self)
+        targets = points.stretched(points.at(vertices), targets) if len(points.frames) else targets
         if len(points.ring):
             rows = np.vstack([self.rows[:, points.ring], np.ones((1, len(points.ring)))])
             change = self._correction(vertices[points.ring], rows, targets)

@@ -16,8 +16,8 @@ from deformer.editing.cubature import Grouping, choose_landmarks
 from deformer.editing.exact_handles import ExactHandles
 from deformer.editing.handle_kernels import BlockDecoder, BlockHandlePositions
 from deformer.editing.handle_positions import DenseHandlePositions, HandlePositions
-from deformer.editing.handles import Point
-from deformer.geometry import FloatArray, SurfacePoints
+from deformer.editing.orientations import LocalFrames
+from deformer.geometry import FloatArray, RowPoint, SurfacePoints
 from deformer.model import DeformationModel
 
 # Number of cubature's landmarks, whose gradients replace those of all vertices in a search.
@@ -26,7 +26,7 @@ _LANDMARKS = 800
 
 @dataclass(frozen=True, eq=False)
 class _PointRows:
-    """Arrays of one handle, a vertex or a point of the surface.
+    """Arrays of one of `HandleBasis.points`.
 
     Args:
         green: (V,) Green's function G_h = L⁺ e_h.
@@ -47,9 +47,10 @@ class HandleBasis:
 
     Attributes:
         surface: decodes codes to all vertices; it has the handles and exact handles set here.
-        points: the H handles: vertices, or points of the surface.
+        points: the H handles: vertices, points of the surface, or points of local frames.
         landmark_decoder: the decoder of the S landmarks.
         landmark_coefficients: (H, S, 3) coefficients of the handle positions by landmarks.
+        frames: the local frames of handles with orientations.
     """
 
     def __init__(self, model: DeformationModel) -> None:
@@ -71,15 +72,16 @@ class HandleBasis:
         self.landmark_decoder = model.decoder_at(landmarks)
         pointwise = self.landmark_decoder.pointwise
         self._landmark_blocks = BlockDecoder(self.landmark_decoder) if pointwise else None
-        self._rows: dict[Point, _PointRows] = {}
+        self.frames = LocalFrames(model)
+        self._rows: dict[RowPoint, _PointRows] = {}
         # Bending rows of handles that are or were exact, in the user's order and in the surface's.
-        self._bending_rows: dict[Point, tuple[FloatArray, NDArray]] = {}
-        self.points: list[Point] = []
+        self._bending_rows: dict[RowPoint, tuple[FloatArray, NDArray]] = {}
+        self.points: list[RowPoint] = []
         self._exact_positions: DenseHandlePositions | None = None
         self._landmark_positions: HandlePositions | None = None
         self.landmark_coefficients = np.empty((0, len(landmarks), 3))
 
-    def set_points(self, points: Sequence[Point]) -> None:
+    def set_points(self, points: Sequence[RowPoint]) -> None:
         """Replace the handles; the rows of handles that stay are reused.
 
         A handle that also keeps its index costs nothing.
@@ -107,10 +109,10 @@ class HandleBasis:
         self.landmark_coefficients = by_landmark.reshape(len(rows), self._grouping.count, 3)
         self.surface.set_handles_by_block([entry.block_coefficients for entry in rows])
 
-    def _surface_points(self, points: Sequence[Point]) -> SurfacePoints:
+    def _surface_points(self, points: Sequence[RowPoint]) -> SurfacePoints:
         return SurfacePoints(points, self.model.reference.faces)
 
-    def _coefficients(self, points: Sequence[Point], green: FloatArray) -> FloatArray:
+    def _coefficients(self, points: Sequence[RowPoint], green: FloatArray) -> FloatArray:
         """Coefficients (H, V+B, 3) of points with Green's functions `green` (H, V).
 
         A deformation gradient maps the reference's normal to the shape's: an offset along the
@@ -127,13 +129,13 @@ class HandleBasis:
         """Coefficients a (H, V+B, 3) of the handles' positions Σ_i T_i a_h,i."""
         return self._coefficients(self.points, self._green_rows(self.points))
 
-    def _green_rows(self, points: Sequence[Point]) -> FloatArray:
+    def _green_rows(self, points: Sequence[RowPoint]) -> FloatArray:
         """Green's functions (n, V) of handles."""
         rows = [self._rows[point].green for point in points]
         return np.array(rows).reshape(len(rows), len(self.model.reference.vertices))
 
     def set_exact(
-        self, points: Sequence[Point], surface: DecodedSurface | None = None
+        self, points: Sequence[RowPoint], surface: DecodedSurface | None = None
     ) -> ExactHandles:
         """Choose the exact handles of a surface.
 
@@ -148,7 +150,7 @@ class HandleBasis:
         (surface or self.surface).set_exact(index, rows, exact.block, weights)
         return exact
 
-    def exact_handles(self, points: Sequence[Point]) -> ExactHandles:
+    def exact_handles(self, points: Sequence[RowPoint]) -> ExactHandles:
         """Handles (n,) as exact ones, with the rows by which they move all vertices."""
         new = [point for point in points if point not in self._bending_rows]
         where = self._surface_points(new)

@@ -21,7 +21,7 @@ from deformer.checks import (
     shortened,
 )
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, SurfacePoint, plain_point
+from deformer.geometry import FloatArray, SurfacePoint, checked_rotations, plain_point
 from deformer.model import DeformationModel
 
 # "soft" handles are close to their targets, "exact" ones and pins are on them; drags leave pins.
@@ -29,6 +29,9 @@ Kind = Literal["soft", "exact", "pin"]
 KINDS: tuple[Kind, ...] = ("soft", "exact", "pin")
 # A handle's place on the mesh: a vertex, or a point of the surface.
 Point = int | SurfacePoint
+
+# Greatest factor on the squared error of an orientation, beside its handle's weight.
+MOST_ORIENTATION_WEIGHT = 1e4
 
 # Targets farther away, in bounding diagonals, would overflow in single precision.
 FARTHEST = 1e10
@@ -43,16 +46,22 @@ class Handle:
         target: (3,) its target position, in the data's units.
         weight: factor on its squared distance from the target.
         kind: "soft" for near the target, "exact" for on it, "pin" for on it, and never dragged.
+        orientation: rotation of the surface around the vertex, relative to the reference, as a
+            unit quaternion (w, x, y, z) or a matrix (3, 3); None leaves it free.
+        orientation_weight: factor on the squared error of the orientation, beside `weight`.
 
     Raises:
         InputError: a vertex that is neither an index nor a `SurfacePoint`, a target that is not
-            three finite numbers, a weight that is not positive, or a kind that is none.
+            three finite numbers, a weight that is not positive, a kind that is none, or an
+            orientation that is no rotation.
     """
 
     vertex: Point
     target: tuple[float, float, float]
     weight: float = 1.0
     kind: Kind = "soft"
+    orientation: ArrayLike | None = None
+    orientation_weight: float = 1.0
 
     def __post_init__(self) -> None:
         """Check the arguments, and make plain numbers of numpy's."""
@@ -63,8 +72,13 @@ class Handle:
         target = checked_array(self.target, "target", (3,)).tolist()
         weight = checked_number(self.weight, "weight", above=0, most=LARGEST)
         checked_choice(self.kind, "kind", KINDS)
-        for name, value in {"vertex": vertex, "target": tuple(target), "weight": weight}.items():
-            object.__setattr__(self, name, value)
+        turn = checked_rotations(self.orientation, "orientation", ())
+        rows = None if np.isnan(turn).any() else tuple(map(tuple, turn.tolist()))
+        name, most = "orientation_weight", MOST_ORIENTATION_WEIGHT
+        factor = checked_number(self.orientation_weight, name, above=0, most=most)
+        plain = {"vertex": vertex, "target": tuple(target), "weight": weight, "orientation": rows}
+        for field, value in {**plain, name: factor}.items():
+            object.__setattr__(self, field, value)
 
     @property
     def hard(self) -> bool:
@@ -82,6 +96,8 @@ class Pose:
         rotation: (3,) rotation vector of the rigid motion about the reference's centroid, radians.
         translation: (3,) translation of the rigid motion.
         residual: (H,) distances from handle to target, in the order of the handles.
+        orientation_residual: (H,) angles from the surface's rotation around each handle to its
+            orientation, in radians; NaN for handles without one.
         iterations: Gauss–Newton steps taken, summed over all starts.
         milliseconds: time of the solve.
         prior_distance: Mahalanobis distance of z from the prior's mean.
@@ -93,6 +109,7 @@ class Pose:
     rotation: FloatArray
     translation: FloatArray
     residual: FloatArray
+    orientation_residual: FloatArray
     iterations: int
     milliseconds: float
     prior_distance: float

@@ -16,17 +16,16 @@ from numpy.typing import ArrayLike
 from deformer.checks import (
     LARGEST,
     check_memory,
-    checked_array,
     checked_choice,
-    checked_instance,
     checked_integer,
     checked_number,
 )
-from deformer.editing.batch_numba import Boolean, Frames, NumbaFrames
+from deformer.editing.batch_numba import Frames, NumbaFrames
 from deformer.editing.green_functions import HandleBasis
-from deformer.editing.handles import Kind, Point, Pose, check_handles, check_kinds, check_points
+from deformer.editing.handles import Kind, Point, Pose
 from deformer.editing.sequence_energy import SequenceEnergy
 from deformer.editing.solver import HandleSolver
+from deformer.editing.tracks import Tracks, checked_tracks
 from deformer.editing.unknowns import Unknowns
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, SurfacePoints, log_to_rotation
@@ -52,6 +51,8 @@ class SequenceFit:
             radians.
         translation: (F, 3) translations of the rigid motion.
         residual: (F, H) distances from handle to target; NaN where a handle has no weight.
+        orientation_residual: (F, H) angles from the surface's rotation around each handle to its
+            orientation, in radians; NaN where it has none, or no weight.
         prior_distance: (F,) Mahalanobis distances of the codes from the training codes' mean.
         iterations: Gauss–Newton steps of whole windows taken.
     """
@@ -61,6 +62,7 @@ class SequenceFit:
     rotation: FloatArray
     translation: FloatArray
     residual: FloatArray
+    orientation_residual: FloatArray
     prior_distance: FloatArray
     iterations: int
 
@@ -73,6 +75,8 @@ def fit_sequence(
     weights: ArrayLike | None = None,
     hard: ArrayLike = False,
     kinds: Kind | Sequence[Kind] | None = None,
+    orientations: ArrayLike | Sequence[Sequence[ArrayLike | None]] | None = None,
+    orientation_weights: ArrayLike | None = None,
     smoothness: float = 10.0,
     rigid: bool = True,
     noise: float | None = None,
@@ -96,6 +100,9 @@ def fit_sequence(
             wherever their weight is not 0.
         kinds: one for all, or (H,), in place of `hard`: "soft", "exact" or "pin", as in
             `HandleSolver.set_handles`.
+        orientations: (F, H, 4) unit quaternions (w, x, y, z) or (F, H, 3, 3) matrices, as in
+            `HandleSolver.set_handles`; None, or None or NaN in a frame for a handle, for none.
+        orientation_weights: (H,) as in `HandleSolver.set_handles`.
         smoothness: weight of squared accelerations, 0 or more; 0 fits every frame on its own. For
             motion that is slow for its frame rate, 100 and more are suitable.
         rigid: as in `HandleSolver`.
@@ -109,10 +116,13 @@ def fit_sequence(
 
     Raises:
         InputError: shapes of arrays that disagree, an index out of range, a vertex given twice, a
-            target that is not finite, a negative weight or smoothness, a device that is unknown or
-            missing, or a backend that cannot use it.
+            target that is not finite, a negative weight or smoothness, an orientation that is no
+            rotation or at a point that cannot have one, a device that is unknown or missing, or a
+            backend that cannot use it.
     """
-    points, goals, factors, exact = _checked(model, vertices, targets, weights, hard, kinds)
+    tracks = checked_tracks(
+        model, vertices, targets, weights, hard, kinds, orientations, orientation_weights
+    )
     checked_number(smoothness, "smoothness", least=0, most=LARGEST)
     checked_integer(relaxation, "relaxation", least=0)
     if backend is not None:
@@ -120,88 +130,86 @@ def fit_sequence(
     check_device(device)  # before the solver, which may compile kernels
     # In a motion the body may go anywhere: the rigid motion has the diffuse prior alone.
     solver = HandleSolver(model, rigid=rigid, noise=noise, freedom=1.0)
-    solver.warn_of_units(points, np.where(factors[..., None] > 0, goals, np.nan))
-    first = _first_guess(solver, points, goals, factors)
+    seen = tracks.weights > 0
+    solver.warn_of_units(tracks.points, np.where(seen[..., None], tracks.targets, np.nan))
+    first = _first_guess(solver, tracks)
     if noise is None:
-        solver.set_prior(noise=_noise(solver, points, goals, factors))
+        solver.set_prior(noise=_noise(solver, tracks))
     basis = solver.basis
-    basis.set_points(points)
+    rows = tracks.rows(basis.frames)
+    basis.set_points(rows.points)
     batch = _backend(basis, device, backend)
     energy = solver.energy
-    sequence = SequenceEnergy(energy, batch, goals, factors, smoothness)
-    F, V = len(goals), len(model.reference.vertices)
+    sequence = SequenceEnergy(energy, batch, rows.targets, rows.weights, smoothness)
+    F, V = len(seen), len(model.reference.vertices)
     check_memory(24 * F * V, f"targets: {F} frames of {V} vertices")
     X = np.zeros((F, energy.size))
     out = np.empty((F, V, 3))
     steps = 0
     with one_blas_thread():
         for start in range(0, F, _WINDOW):
-            stop, seen = min(start + _WINDOW, F), min(start + _WINDOW + _AHEAD, F)
+            stop, ahead = min(start + _WINDOW, F), min(start + _WINDOW + _AHEAD, F)
             guess = X[start - 1] if start else first
             before = X[max(0, start - 2) : start]
-            window, more = sequence.solve(slice(start, seen), guess, before)
+            window, more = sequence.solve(slice(start, ahead), guess, before)
             X[start:stop] = window[: stop - start]
             steps += more
             part = slice(start, stop)
             Q, centroids = log_to_rotation(Unknowns(X[part]).rotation), energy.centroids(X[part])
             z = energy.codes(X[part])
-            batch.shapes(z, Q, centroids, goals[part], exact[part], relaxation, out[part])
+            wanted = rows.targets[part], rows.exact[part]
+            batch.shapes(z, Q, centroids, *wanted, relaxation, out[part])
             if on_progress is not None:
                 on_progress(stop, F)
-    places = SurfacePoints(points, model.reference.faces).at(out)
-    residual = np.linalg.norm(places - goals, axis=2)
-    residual[factors == 0] = np.nan
+    places = SurfacePoints(tracks.points, model.reference.faces).at(out)
+    residual = np.linalg.norm(places - tracks.targets, axis=2)
     found = Unknowns(X)
     return SequenceFit(
         vertices=out,
         z=energy.codes(X),
         rotation=found.rotation.copy(),
         translation=energy.diagonal * found.translation,
-        residual=residual,
+        residual=np.where(seen, residual, np.nan),
+        orientation_residual=np.where(seen, tracks.turned(basis.frames, out), np.nan),
         prior_distance=np.linalg.norm(found.code, axis=1),
         iterations=steps,
     )
 
 
-def _first_guess(
-    solver: HandleSolver,
-    points: list[Point],
-    goals: FloatArray,
-    factors: FloatArray,
-) -> FloatArray:
+def _first_guess(solver: HandleSolver, tracks: Tracks) -> FloatArray:
     """Unknowns (K+6,) to start the first frame from, by a solve from several starts.
 
     They are those of the first frame that sees at least half as many handles as any frame of the
     first window.
     """
-    counts = (factors[:_WINDOW] > 0).sum(axis=1)
-    frame = int((2 * counts >= counts.max()).argmax())
-    pose = _solve_frame(solver, points, goals[frame], factors[frame])
+    counts = (tracks.weights[:_WINDOW] > 0).sum(axis=1)
+    pose = _solve_frame(solver, tracks, int((2 * counts >= counts.max()).argmax()))
     energy = solver.energy
     return energy.unknowns(pose.z, pose.rotation, pose.translation / energy.diagonal)
 
 
-def _noise(
-    solver: HandleSolver, points: list[Point], goals: FloatArray, factors: FloatArray
-) -> float:
+def _noise(solver: HandleSolver, tracks: Tracks) -> float:
     """Noise of a sequence: the median of a few frames' automatic noises, or `_LEAST_NOISE`."""
-    seen = np.flatnonzero((factors > 0).any(axis=1))
+    seen = np.flatnonzero((tracks.weights > 0).any(axis=1))
     if not len(seen):
         return _LEAST_NOISE
     noises = []
     for frame in np.unique(seen[np.linspace(0, len(seen) - 1, _NOISE_FRAMES).astype(int)]):
-        _solve_frame(solver, points, goals[frame], factors[frame])
+        _solve_frame(solver, tracks, int(frame))
         noises.append(solver.energy.noise)
     return max(_LEAST_NOISE, float(np.median(noises)))
 
 
-def _solve_frame(
-    solver: HandleSolver, points: list[Point], goals: FloatArray, factors: FloatArray
-) -> Pose:
-    """Pose of the handles of one frame, targets (H, 3) and weights (H,), that are seen."""
-    seen = factors > 0
-    chosen = [points[h] for h in np.flatnonzero(seen)]
-    solver.set_handles(chosen, goals[seen], factors[seen])
+def _solve_frame(solver: HandleSolver, tracks: Tracks, frame: int) -> Pose:
+    """Pose of the handles of one frame that are seen."""
+    seen = np.flatnonzero(tracks.weights[frame] > 0)
+    solver.set_handles(
+        [tracks.points[h] for h in seen],
+        tracks.targets[frame, seen],
+        tracks.weights[frame, seen],
+        orientations=tracks.orientations[frame, seen],
+        orientation_weights=tracks.orientation_weights[seen],
+    )
     return solver.solve()
 
 
@@ -219,42 +227,3 @@ def _backend(basis: HandleBasis, device: str, backend: str | None) -> Frames:
     if device != "cpu":
         raise InputError(f"backend 'numba' computes on the CPU, got device {device!r}; use 'torch'")
     return NumbaFrames(basis)
-
-
-def _checked(
-    model: DeformationModel,
-    vertices: ArrayLike | Sequence[Point],
-    targets: ArrayLike,
-    weights: ArrayLike | None,
-    hard: ArrayLike,
-    kinds: Kind | Sequence[Kind] | None,
-) -> tuple[list[Point], FloatArray, FloatArray, Boolean]:
-    """Points H, targets (F, H, 3), weights (F, H), and true where a handle is exact (F, H)."""
-    checked_instance(model, "model", DeformationModel, remedy="load it with load_model")
-    goals = checked_array(targets, "targets", finite=False)
-    index = check_points(model, vertices)
-    count = len(index)
-    if goals.ndim != 3 or goals.shape[1:] != (count, 3) or len(goals) == 0:
-        raise InputError(f"targets: expected (F, {count}, 3), one frame or more, got {goals.shape}")
-    F, H, _ = goals.shape
-    factors = np.ones(H) if weights is None else checked_array(weights, "weights", finite=False)
-    if factors.shape not in ((H,), (F, H)):
-        raise InputError(f"weights: expected ({F}, {H}) or ({H},), got {factors.shape}")
-    factors = np.broadcast_to(factors, (F, H))
-    if not ((factors >= 0) & (factors <= LARGEST)).all():
-        frame, h = np.argwhere(~((factors >= 0) & (factors <= LARGEST)))[0]
-        raise InputError(f"frame {frame}, handle {h}: weight {factors[frame, h]} is not 0 or more")
-    unseen = factors == 0
-    bad = ~np.isfinite(goals).all(axis=2) & ~unseen
-    if bad.any():
-        frame, h = np.argwhere(bad)[0]
-        raise InputError(
-            f"frame {frame}, handle {h}: target {goals[frame, h].tolist()} is not finite; "
-            "give a marker that is not seen the weight 0"
-        )
-    goals = np.where(unseen[:, :, None], 0.0, goals)
-    check_handles(model, index, goals[0], None, False)
-    if len(set(index)) < H:
-        repeated = next(point for point in index if index.count(point) > 1)
-        raise InputError(f"vertex {repeated} is given twice; a sequence wants different vertices")
-    return index, goals, factors, ~unseen & (check_kinds(hard, kinds, (F, H)) != "soft")

@@ -31,11 +31,12 @@ from deformer.editing.handles import (
     check_points,
     check_target,
 )
+from deformer.editing.orientations import LocalFrame, checked_orientations, turned_by
 from deformer.editing.search import CodeSearch, State
 from deformer.editing.units import unit_warning
 from deformer.editing.unknowns import Unknowns
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, SurfacePoint, SurfacePoints
+from deformer.geometry import FloatArray, RowPoint, SurfacePoint, SurfacePoints
 from deformer.linalg import CORES, one_blas_thread
 from deformer.model import DeformationModel
 
@@ -111,11 +112,11 @@ class HandleSolver:
         energy = HandleEnergy.of_model(model, used, rigid)
         self._search = CodeSearch(energy, self.basis, model.codes)
         self._exact = self.basis.exact_handles([])
-        self._exact_points: list[Point] = []
+        self._exact_points: list[RowPoint] = []
         self._warning: str | None = None
+        self._handles: list[Handle] = []
         self.set_prior(noise=used, freedom=freedom)
         self._search.least_noise = used if noise is None else None
-        self._handles: list[Handle] = []
         self._places = SurfacePoints([], model.reference.faces)
         self._assign([])
 
@@ -141,6 +142,8 @@ class HandleSolver:
         weights: ArrayLike | None = None,
         hard: bool | Sequence[bool] = False,
         kinds: Kind | Sequence[Kind] | None = None,
+        orientations: ArrayLike | Sequence[ArrayLike | None] | None = None,
+        orientation_weights: ArrayLike | None = None,
     ) -> None:
         """Replace all handles.
 
@@ -155,21 +158,24 @@ class HandleSolver:
             hard: one for all, or (H,): true for handles that are at their targets exactly.
             kinds: one for all, or (H,), in place of `hard`: "soft"; "exact"; or "pin", an exact
                 handle that `drag` refuses to move.
+            orientations: (H, 4) unit quaternions (w, x, y, z) or (H, 3, 3) matrices: rotations of
+                the surface around the handles, relative to the reference, which exact handles have
+                exactly (`local_rotations`). None, or None or NaN for a handle, leaves it free.
+            orientation_weights: (H,) positive factors on the squared errors of the orientations,
+                beside `weights`; None is ones.
 
         Raises:
             InputError: an index out of range, a target that is not finite, a weight that is not
-                positive, a kind that is none, or lengths that differ.
+                positive, a kind that is none, an orientation that is no rotation or at a point
+                that cannot have one, or lengths that differ.
         """
         points, goals, factors, chosen = check_handles(
             self.model, vertices, targets, weights, hard, kinds
         )
+        turns = checked_orientations(orientations, orientation_weights, (len(points),))
         self.warn_of_units(points, goals)
-        self._assign(
-            [
-                Handle(point, (float(t[0]), float(t[1]), float(t[2])), float(w), kind)
-                for point, t, w, kind in zip(points, goals, factors, chosen, strict=True)
-            ]
-        )
+        rows = zip(points, goals.tolist(), factors.tolist(), chosen, *turns, strict=True)
+        self._assign([Handle(point, (t[0], t[1], t[2]), *rest) for point, t, *rest in rows])
 
     def warn_of_units(self, vertices: Sequence[Point], targets: FloatArray) -> None:
         """Log the `unit_warning` of targets, unless the targets before had the same."""
@@ -204,6 +210,10 @@ class HandleSolver:
         changes = {name: value for name, value in given.items() if value is not None}
         centre = None if mean is None else self._code(mean, "mean")
         self._search.set_prior(replace(self.energy, **changes), centre)
+        if noise is not None:
+            self.basis.frames.noise = noise
+            if any(handle.orientation is not None for handle in self._handles):
+                self._assign(self._handles)
 
     def restore(self, z: ArrayLike, rotation: ArrayLike, translation: ArrayLike) -> Pose:
         """Make an earlier solution the last one; the next warm solve starts from it.
@@ -302,16 +312,19 @@ class HandleSolver:
             iterations=steps + pose.iterations,
         )
 
-    def drag(self, vertex: Point, position: ArrayLike) -> Pose:
+    def drag(
+        self, vertex: Point, position: ArrayLike, orientation: ArrayLike | None = None
+    ) -> Pose:
         """Move the target of one handle and solve from the last solution.
 
         Args:
             vertex: index of the handle's vertex, or its `SurfacePoint`.
             position: (3,) new target, in the data's units.
+            orientation: new orientation, as in `set_handles`; None leaves it as it is.
 
         Raises:
             InputError: `vertex` has no handle, or one that is a pin, or the position is not 3
-                finite numbers in reach.
+                finite numbers in reach, or the orientation is no rotation.
         """
         if not isinstance(vertex, SurfacePoint):
             vertex = checked_integer(vertex, "vertex")
@@ -330,9 +343,12 @@ class HandleSolver:
             )
         check_target(position, self.energy.centroid, self.energy.diagonal)
         target = (float(position[0]), float(position[1]), float(position[2]))
+        changes: dict[str, Any] = {"target": target}
+        if orientation is not None:
+            changes["orientation"] = orientation
         moved = self.handles
         for h in indices:
-            moved[h] = replace(moved[h], target=target)
+            moved[h] = replace(moved[h], **changes)
         self._assign(moved)
         return self.solve(warm=True)
 
@@ -341,8 +357,9 @@ class HandleSolver:
         if [handle.vertex for handle in handles] != [handle.vertex for handle in self._handles]:
             faces = self.model.reference.faces
             self._places = SurfacePoints([handle.vertex for handle in handles], faces)
+        rows = [row for handle in handles for row in self._rows(handle)]
         self._handles = handles
-        wanted = list(dict.fromkeys(handle.vertex for handle in handles))
+        wanted = list(dict.fromkeys(point for point, _, _, _ in rows))
         if set(wanted) != set(self.basis.points):
             self.basis.set_points(_keeping_indices(self.basis.points, wanted))
             self._search.vertices_changed()
@@ -351,11 +368,11 @@ class HandleSolver:
         weights = np.zeros(len(points))
         targets = np.zeros((len(points), 3))
         hard = np.zeros(len(points), dtype=bool)
-        for handle in handles:
-            n = index[handle.vertex]
-            weights[n] += handle.weight
-            targets[n] += handle.weight * np.array(handle.target)
-            hard[n] |= handle.hard
+        for point, target, weight, is_hard in rows:
+            n = index[point]
+            weights[n] += weight
+            targets[n] += weight * np.array(target)
+            hard[n] |= is_hard
         if points:
             targets /= weights[:, None]
         self._search.set_targets(targets, weights)
@@ -365,6 +382,29 @@ class HandleSolver:
             self._exact_points, self._exact = exact, self.basis.set_exact(exact)
             if len(exact) == 0:
                 self._surface.reset()
+
+    def _rows(self, handle: Handle) -> list[tuple[RowPoint, ArrayLike, float, bool]]:
+        """Points, targets and weights by which a handle enters the energy; true if exact."""
+        if handle.orientation is None:
+            return [(handle.vertex, handle.target, handle.weight, handle.hard)]
+        frame = self._frame(handle)
+        targets = frame.targets(np.array(handle.target), np.array(handle.orientation))
+        return [
+            (point, target, handle.weight / len(targets), handle.hard)
+            for point, target in zip(frame.points, targets, strict=True)
+        ]
+
+    def _frame(self, handle: Handle) -> LocalFrame:
+        return self.basis.frames.of(handle.vertex, handle.orientation_weight)
+
+    def _turned(self, vertices: FloatArray) -> FloatArray:
+        """Angles (H,) from the surface's rotation around each handle to its orientation."""
+        found = np.full(len(self._handles), np.nan)
+        for h, handle in enumerate(self._handles):
+            if handle.orientation is not None:
+                R = self._frame(handle).rotation(vertices)
+                found[h] = turned_by(R, np.array(handle.orientation))
+        return found
 
     def _frame_vertices(self, state: State) -> FloatArray:
         """Positions (V, 3) of a state, with the rotations that the last frame's relaxation left."""
@@ -399,6 +439,7 @@ class HandleSolver:
             rotation=x.rotation.copy(),
             translation=energy.diagonal * x.translation,
             residual=np.linalg.norm(places - targets, axis=1),
+            orientation_residual=self._turned(vertices),
             iterations=steps,
             milliseconds=0.0,
             prior_distance=float(np.linalg.norm(x.code)),
@@ -413,7 +454,7 @@ def _check_parameters(noise: float | None, freedom: float | None) -> None:
             checked_number(value, name, above=0, most=LARGEST)
 
 
-def _keeping_indices(current: list[Point], wanted: list[Point]) -> list[Point]:
+def _keeping_indices(current: list[RowPoint], wanted: list[RowPoint]) -> list[RowPoint]:
     """The wanted points, as many of them as possible at the index that they have in `current`."""
     kept = [v if v in set(wanted) else None for v in current[: len(wanted)]]
     kept += [None] * (len(wanted) - len(kept))

@@ -30,6 +30,7 @@ from .metrics import (
 )
 from .rotations import (
     align as align,
+    checked_rotations as checked_rotations,
     closest_rotation_ as closest_rotation_,
     closest_rotations as closest_rotations,
     exp_ as exp_,
@@ -50,6 +51,8 @@ from .strain import (
     FaceStrain as FaceStrain,
 )
 from .surface_points import (
+    FramePoint as FramePoint,
+    RowPoint as RowPoint,
     SurfacePoint as SurfacePoint,
     SurfacePoints as SurfacePoints,
     plain_point as plain_point,

@@ -8,14 +8,19 @@ compiled scalar kernels that other compiled modules call; they write into their 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from deformer.checks import checked_array
+from deformer.checks import LARGEST, checked_array, rounded, shortened
 from deformer.compilation import called_with, njit
+from deformer.errors import InputError
 from deformer.geometry.mesh import FloatArray
 
+# Quaternions and matrices are rounded in files: they may be off a rotation by this much.
+_ROUNDING, _EXACT = 0.01, 1e-12
 # Below this angle (radians) series replace the closed forms.
 _SMALL = 1e-3
 
@@ -259,6 +264,71 @@ def closest_rotations(T: ArrayLike) -> FloatArray:
     flat = np.ascontiguousarray(T, dtype=np.float64)
     R = np.empty_like(flat)
     _closest_rotation_batch(flat.reshape(-1, 3, 3), R.reshape(-1, 3, 3))
+    return R
+
+
+def checked_rotations(values: Any, name: object, shape: tuple[int, ...]) -> FloatArray:
+    """Rotation matrices (..., 3, 3) of the rotations that a user gives; NaN where there is none.
+
+    Args:
+        values: of each rotation the unit quaternion (w, x, y, z) or the matrix (3, 3). In lists,
+            which may be nested, None stands for no rotation; in arrays, NaN.
+        name: what the message calls them.
+        shape: (...) of the result.
+
+    Raises:
+        InputError: another shape, numbers that are not finite, quaternions that have not the
+            length 1, matrices that are no rotations.
+    """
+    if isinstance(values, np.ndarray) or not shape:
+        if values is None:
+            return np.full((*shape, 3, 3), np.nan)
+        expected = (*shape, 4), (*shape, 3, 3)
+        array = checked_array(values, name, *expected, finite=False, remedy=_REMEDY)
+        return _checked_matrices(array, name, shape)
+    if not isinstance(values, list | tuple) or len(values) != shape[0]:
+        got = f"{len(values)}" if isinstance(values, list | tuple) else shortened(values)
+        raise InputError(f"{name}: expected a list of {shape[0]}, got {got}; {_REMEDY}")
+    rows = [checked_rotations(row, f"{name}[{n}]", shape[1:]) for n, row in enumerate(values)]
+    return np.array(rows).reshape(*shape, 3, 3)
+
+
+_REMEDY = "give each as a unit quaternion (w, x, y, z) or as a rotation matrix (3, 3)"
+
+
+def _checked_matrices(array: FloatArray, name: object, shape: tuple[int, ...]) -> FloatArray:
+    """Rotation matrices (*shape, 3, 3) of an array (*shape, 4) or (*shape, 3, 3)."""
+    are_quaternions = array.shape == (*shape, 4)
+    numbers = array.reshape(*shape, 4 if are_quaternions else 9)
+    given: NDArray = np.asarray(~np.isnan(numbers).all(axis=-1))
+    finite: NDArray = np.asarray((np.abs(numbers) <= LARGEST).all(axis=-1))
+
+    def refuse(bad: NDArray, got: Callable[[tuple[int, ...]], str]) -> None:
+        if bad.any():
+            index = tuple(np.argwhere(bad)[0].tolist())
+            where = f"{name}[{', '.join(map(str, index))}]" if index else name
+            raise InputError(f"{where}: expected a rotation, got {got(index)}; {_REMEDY}")
+
+    refuse(given & ~finite, lambda i: shortened(array[i].tolist()))
+    R = np.full((*shape, 3, 3), np.nan)
+    if are_quaternions:
+        length = np.linalg.norm(array, axis=-1)
+        far = given & ~(np.abs(length - 1) <= _ROUNDING)
+        refuse(far, lambda i: f"a quaternion of length {rounded(float(length[i]))}")
+        q = array[given] / length[given][..., None]
+        w, v = q[:, :1, None], q[:, 1:]
+        cross = np.cross(v[:, None], np.eye(3)).swapaxes(1, 2)  # [v]×
+        R[given] = np.eye(3) + 2.0 * (w * cross + cross @ cross)
+        return R
+    gram = np.swapaxes(array, -1, -2) @ array
+    off: NDArray = np.asarray(np.abs(gram - np.eye(3)).max(axis=(-1, -2)))
+    refuse(given & ~(off <= 2 * _ROUNDING), lambda i: "a matrix whose columns are no unit frame")
+    mirrored = given & (np.linalg.det(np.where(given[..., None, None], array, 0.0)) < 0)
+    refuse(mirrored, lambda i: "a reflection, of determinant -1")
+    # A rotation remains the one that it is, to the last bit.
+    rounded_ones = given & (off > _EXACT)
+    R[given] = array[given]
+    R[rounded_ones] = closest_rotations(array[rounded_ones])
     return R
 
 

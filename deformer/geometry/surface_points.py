@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -104,21 +105,44 @@ def plain_point(point: int | SurfacePoint) -> int | SurfacePoint:
     return SurfacePoint(vertices, weights, point.offset)
 
 
+@dataclass(frozen=True)
+class FramePoint:
+    """One of the three points Σ_k w_k p_k of a local frame, which turn with the surface.
+
+    Args:
+        frame: what all three have in common, and no other frame has.
+        number: 0, 1 or 2.
+        vertices: the vertices that the frame is attached to.
+        weights: w, one a vertex, of any sign, with a sum of 1.
+    """
+
+    frame: Hashable
+    number: int
+    vertices: tuple[int, ...] = field(compare=False)
+    weights: tuple[float, ...] = field(compare=False)
+    offset: ClassVar[float] = 0.0
+
+
+# A handle's row in the energy: a place on the mesh, or one of the points of its frame.
+RowPoint = int | SurfacePoint | FramePoint
+
+
 class SurfacePoints:
     """Several points as functions of the positions of a mesh's vertices.
 
     Args:
-        points: H vertices and `SurfacePoint`s.
+        points: H vertices, `SurfacePoint`s and `FramePoint`s.
         faces: (F, 3) int64 faces of the mesh.
 
     Attributes:
+        frames: (n, 3) the points, by their index 0…H−1, of each local frame.
         index: (H, m) vertices of each point, the last one repeated where there are fewer than m.
         weights: (H, m) their weights.
         offsets: (H,) distances along the normal.
         ring: (R,) vertices on which the points depend if any has an offset; else empty.
     """
 
-    def __init__(self, points: Sequence[int | SurfacePoint], faces: IntArray) -> None:
+    def __init__(self, points: Sequence[RowPoint], faces: IntArray) -> None:
         """Find the faces around the points that have an offset."""
         full = [SurfacePoint((p,)) if isinstance(p, int) else p for p in points]
         m = max((len(p.vertices) for p in full), default=1)
@@ -128,7 +152,13 @@ class SurfacePoints:
         for h, p in enumerate(full):
             self.index[h] = (*p.vertices, *p.vertices[-1:] * (m - len(p.vertices)))
             self.weights[h, : len(p.vertices)] = p.weights
-        self.is_vertex = (self.weights[:, 0] == 1.0) & (self.offsets == 0.0)
+        alone = (self.weights[:, 0] == 1.0) & (np.count_nonzero(self.weights, axis=1) == 1)
+        self.is_vertex = alone & (self.offsets == 0.0)
+        frames: dict[Hashable, list[int]] = {}
+        for h, p in enumerate(points):
+            if isinstance(p, FramePoint):
+                frames.setdefault(p.frame, [0, 0, 0])[p.number] = h
+        self.frames = np.array(list(frames.values()), dtype=np.int64).reshape(-1, 3)
         self._lifted = np.flatnonzero(self.offsets)
         corners = self.index[self._lifted]
         around = faces[np.isin(faces, corners).any(axis=1)] if len(corners) else faces[:0]
@@ -163,6 +193,32 @@ class SurfacePoints:
             feet[..., self._lifted, :] -= self.offsets[self._lifted, None] * normals
         return feet
 
+    def frame_rotations(self, points: FloatArray, targets: FloatArray) -> FloatArray:
+        """Rotations (..., n, 3, 3) of local frames onto their targets, without regard to stretch.
+
+        Args:
+            points, targets: (..., H, 3) positions of all points.
+        """
+        # This needs numba's kernels, which reading handles does not.
+        from deformer.geometry.rotations import closest_rotations
+
+        here, there = (_centred(p[..., self.frames, :]) for p in (points, targets))
+        return closest_rotations(np.swapaxes(there, -1, -2) @ here)
+
+    def stretched(self, points: FloatArray, targets: FloatArray) -> FloatArray:
+        """Targets (..., H, 3), those of local frames with the stretch that the surface has there.
+
+        Args:
+            points, targets: (..., H, 3) positions of all points.
+        """
+        if not len(self.frames):
+            return targets
+        R = self.frame_rotations(points, targets)
+        offsets = _centred(points[..., self.frames, :]) @ np.swapaxes(R, -1, -2)
+        goals = np.broadcast_to(targets, points.shape).copy()
+        goals[..., self.frames, :] = offsets + targets[..., self.frames, :].mean(-2, keepdims=True)
+        return goals
+
     def lifts(self, vertices: FloatArray) -> FloatArray:
         """Vectors a (H, m, 3) such that Σ_k T_k a_k is a point's offset from the surface.
 
@@ -186,6 +242,11 @@ class SurfacePoints:
         for k in range(3):
             np.add.at(np.moveaxis(normals, -2, 0), self._faces[:, k], np.moveaxis(by_face, -2, 0))
         return self.weights[self._lifted, :, None] * _unit(normals)[..., self._corners, :]
+
+
+def _centred(points: FloatArray) -> FloatArray:
+    """Points (..., n, 3) less their mean."""
+    return points - points.mean(axis=-2, keepdims=True)
 
 
 def _unit(x: FloatArray) -> FloatArray:

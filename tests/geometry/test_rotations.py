@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings, strategies as st
+from scipy.spatial.transform import Rotation
 
+from deformer import InputError
 from deformer.geometry.rotations import (
+    checked_rotations,
     log_to_rotation,
     polar,
     procrustes,
@@ -307,3 +310,47 @@ def test_procrustes_of_degenerate_points_is_a_rigid_motion(source):
     R, t = procrustes(source, target)
     is_rotation(R)
     np.testing.assert_allclose(source @ R.T + t, target, atol=1e-12)
+
+
+def test_given_rotations_are_quaternions_or_matrices():
+    """Both, and their negatives and rounded ones, are the same rotation; exact ones stay."""
+    R = log_to_rotation(np.random.default_rng(0).normal(size=(2, 3, 3)))
+    q = np.roll(Rotation.from_matrix(R.reshape(-1, 3, 3)).as_quat(), 1, axis=1).reshape(2, 3, 4)
+    assert np.array_equal(checked_rotations(R, "R", (2, 3)), R)
+    for same in (q, -q, q.tolist(), 1.005 * q, R.tolist()):
+        np.testing.assert_allclose(checked_rotations(same, "R", (2, 3)), R, atol=1e-14)
+    is_rotation(checked_rotations(R.round(2), "R", (2, 3)))
+    np.testing.assert_allclose(checked_rotations(q[0, 0], "R", ()), R[0, 0], atol=1e-14)
+
+
+def test_no_rotation_is_nan():
+    found = checked_rotations([None, [1, 0, 0, 0], np.eye(3)], "R", (3,))
+    assert np.isnan(found[0]).all() and np.array_equal(found[1:], [np.eye(3)] * 2)
+    assert np.isnan(checked_rotations(np.full((2, 4), np.nan), "R", (2,))).all()
+    assert np.isnan(checked_rotations(None, "R", ())).all()
+    assert checked_rotations([], "R", (0,)).shape == (0, 3, 3)
+
+
+@pytest.mark.parametrize(
+    ("value", "part"),
+    [
+        ([1, 0, 0], "(4,) or (3, 3)"),
+        ([0, 0, 0, 0], "length 0"),
+        ([1.1, 0, 0, 0], "length 1.1"),
+        ([np.nan, 0, 0, 1], "nan"),
+        ([np.inf, 0, 0, 1], "inf"),
+        (np.diag([1, 1, -1.0]), "reflection"),
+        (np.full((3, 3), 1e308), "1e+308"),
+        (1.1 * np.eye(3), "unit frame"),
+        (np.full((3, 3), 3**-0.5), "unit frame"),
+        ("abc", "numbers"),
+        ([True, False, False, False], "numbers"),
+        ({}, "numbers"),
+    ],
+)
+def test_what_is_no_rotation(value, part):
+    for values, shape in ((value, ()), ([None, value], (2,)), ([[value], [None]], (2, 1))):
+        with pytest.raises(InputError) as caught:
+            checked_rotations(values, "turns", shape)
+        text = str(caught.value)
+        assert part in text and text.startswith("turns") and "\n" not in text

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from deformer import InputError, Mesh, SurfacePoint, vertex_normals
-from deformer.geometry import SurfacePoints, plain_point
+from deformer.geometry import FramePoint, SurfacePoints, plain_point
 from shapes import icosphere, random_rotation, tube
 
 TRIANGLE = Mesh([[0, 0, 0], [2, 0, 0], [0, 2, 0]], [[0, 1, 2]])
@@ -53,6 +53,41 @@ def test_points_move_rigidly_with_the_mesh():
     R, t = random_rotation(rng), rng.normal(size=3)
     moved = points.at(mesh.vertices @ R.T + t)
     assert np.allclose(moved, points.at(mesh.vertices) @ R.T + t, atol=1e-12)
+
+
+def frame(name, rng):
+    """Three points at 120° in a plane, by weights of four vertices."""
+    weights = rng.normal(size=(3, 4))
+    weights += (1 - weights.sum(axis=1, keepdims=True)) / 4
+    return [FramePoint(name, n, (1, 8, 20, 33), tuple(w)) for n, w in enumerate(weights)]
+
+
+def test_frames_are_found_in_any_order_and_keep_their_stretch():
+    """Goals are the points as they are, turned and moved; the turn is the best one."""
+    mesh, rng = tube(), np.random.default_rng(4)
+    (a, b, c), (d, e, f) = frame("a", rng), frame("b", rng)
+    points = SurfacePoints([e, 3, c, a, f, b, d], mesh.faces)
+    assert sorted(map(tuple, points.frames.tolist())) == [(3, 5, 2), (6, 0, 4)]
+    here = points.at(mesh.vertices)
+    R, shift = random_rotation(rng, 2.0), np.array([1.0, 2, 3])
+    stretched = points.stretched(here, here @ R.T + shift)
+    np.testing.assert_allclose(stretched, here @ R.T + shift, atol=1e-12)
+    targets = here + 0.3 * rng.normal(size=here.shape)
+    goals = points.stretched(np.stack([here, 2 * here]), targets)
+    assert np.array_equal(goals[:, 1], [targets[1]] * 2)
+    for rows, turn in zip(points.frames, points.frame_rotations(here, targets), strict=True):
+        own, wanted = here[rows] - here[rows].mean(0), targets[rows] - targets[rows].mean(0)
+        np.testing.assert_allclose(goals[0][rows].mean(0), targets[rows].mean(0), atol=1e-12)
+        np.testing.assert_allclose(
+            goals[0][rows] - goals[0][rows].mean(0), own @ turn.T, atol=1e-12
+        )
+        np.testing.assert_allclose(
+            goals[1][rows] - goals[1][rows].mean(0), 2 * own @ turn.T, atol=1e-12
+        )
+        best = np.linalg.norm(own @ turn.T - wanted)
+        for _ in range(20):
+            other = random_rotation(rng, 0.1) @ turn
+            assert np.linalg.norm(own @ other.T - wanted) > best
 
 
 def test_a_point_that_is_a_vertex():
