@@ -86,7 +86,8 @@ def sparsity(C: Tensor, locality: Tensor) -> Tensor:
 def latent_range(z: Tensor, limit: float) -> Tensor:
     """V(Z) = (1/K) Σ_k max(0, max_m |Z_km| − θ) (Tan et al. 2018, equation 7).
 
-    The paper's equation has no max(0, ·): without it small codes would be rewarded.
+    The paper's equation has no max(0, ·), but its authors' code does: without it small codes would
+    be rewarded.
 
     Args:
         z: (N, K) latent codes.
