@@ -21,7 +21,13 @@ from deformer.checks import (
     shortened,
 )
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, SurfacePoint, checked_rotations, plain_point
+from deformer.geometry import (
+    MOST_ORIENTATION_WEIGHT,
+    FloatArray,
+    SurfacePoint,
+    checked_rotations,
+    plain_point,
+)
 from deformer.model import DeformationModel
 
 # "soft" handles are close to their targets, "exact" ones and pins are on them; drags leave pins.
@@ -29,9 +35,6 @@ Kind = Literal["soft", "exact", "pin"]
 KINDS: tuple[Kind, ...] = ("soft", "exact", "pin")
 # A handle's place on the mesh: a vertex, or a point of the surface.
 Point = int | SurfacePoint
-
-# Greatest factor on the squared error of an orientation, beside its handle's weight.
-MOST_ORIENTATION_WEIGHT = 1e4
 
 # Targets farther away, in bounding diagonals, would overflow in single precision.
 FARTHEST = 1e10

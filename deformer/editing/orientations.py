@@ -24,9 +24,10 @@ from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
 from deformer.checks import LARGEST, checked_array, checked_instance, checked_number
-from deformer.editing.handles import MOST_ORIENTATION_WEIGHT, Point, check_points
+from deformer.editing.handles import Point, check_points
 from deformer.errors import InputError
 from deformer.geometry import (
+    MOST_ORIENTATION_WEIGHT,
     FloatArray,
     FramePoint,
     IntArray,

@@ -51,6 +51,7 @@ from .strain import (
     FaceStrain as FaceStrain,
 )
 from .surface_points import (
+    MOST_ORIENTATION_WEIGHT as MOST_ORIENTATION_WEIGHT,
     FramePoint as FramePoint,
     RowPoint as RowPoint,
     SurfacePoint as SurfacePoint,

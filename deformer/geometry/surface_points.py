@@ -23,6 +23,8 @@ from deformer.geometry.mesh import FloatArray, IntArray, Mesh
 
 # Barycentric coordinates are rounded in files; they are scaled to a sum of 1.
 _SUM_TOLERANCE = 0.01
+# Greatest factor on the squared error of a handle's orientation, beside the handle's weight.
+MOST_ORIENTATION_WEIGHT = 1e4
 
 
 @dataclass(frozen=True)

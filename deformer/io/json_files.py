@@ -10,7 +10,7 @@ import numpy as np
 
 from deformer.checks import LARGEST, checked_integer, shortened
 from deformer.errors import InputError
-from deformer.geometry import IntArray, SurfacePoint, plain_point
+from deformer.geometry import MOST_ORIENTATION_WEIGHT, IntArray, SurfacePoint, plain_point
 from deformer.io.atomic import PathLike, atomic_path
 from deformer.io.json_values import JsonValue, read_value
 
@@ -88,6 +88,7 @@ def load_split(path: PathLike, count: int) -> dict[str, list[int]]:
     return {part: data[part].value for part in ("train", "test")}
 
 
+_OPTIONAL = ("offset", "weight", "kind", "orientation", "orientation_weight")
 HandleKind = Literal["soft", "exact", "pin"]
 
 
@@ -100,12 +101,17 @@ class HandleTarget:
         position: x, y, z in the units of the mesh.
         weight: positive weight of the distance in the fit.
         kind: "soft" for near the position, "exact" or "pin" for on it.
+        orientation: rotation matrix of the surface around it, relative to the reference, by rows;
+            None leaves it free.
+        orientation_weight: positive weight of the orientation, beside `weight`.
     """
 
     vertex: int | SurfacePoint
     position: tuple[float, float, float]
     weight: float = 1.0
     kind: HandleKind = "soft"
+    orientation: tuple[tuple[float, ...], ...] | None = None
+    orientation_weight: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -128,8 +134,10 @@ def load_handles(path: PathLike, vertex_count: int, faces: IntArray | None = Non
         path: JSON `{"handles": [{"vertex": 17, "position": [x, y, z]}, …]}`, or `{"frames":
             [[…handles…], …]}`. In place of "vertex" a handle may have "face" and "barycentric": a
             point of that face. It may also have "offset" (distance from the surface along the
-            normal), "weight" and "kind" ("soft", "exact" or "pin"). A handle whose position is
-            null, or three nulls, is not seen, and left out; a frame may be empty.
+            normal), "weight", "kind" ("soft", "exact" or "pin"), "orientation" (of the surface
+            relative to the reference: a unit quaternion [w, x, y, z], a rotation matrix by rows,
+            or null) and "orientation_weight". A handle whose position is null, or three nulls, is
+            not seen, and left out; a frame may be empty.
         vertex_count: number of vertices of the mesh.
         faces: (F, 3) its faces; None refuses points of faces.
 
@@ -149,7 +157,8 @@ def load_handles(path: PathLike, vertex_count: int, faces: IntArray | None = Non
     if not frames:
         raise data["frames"].error("a list of frames")
     rows = np.empty((0, 3), dtype=np.int64) if faces is None else faces
-    found = tuple(_frame(handles, vertex_count, rows) for handles in frames)
+    bare = set(range(vertex_count)).difference(rows.ravel().tolist()) if len(rows) else set()
+    found = tuple(_frame(handles, vertex_count, rows, bare) for handles in frames)
     if not any(found):
         where = data["frames" if is_sequence else "handles"]
         raise InputError(
@@ -158,13 +167,15 @@ def load_handles(path: PathLike, vertex_count: int, faces: IntArray | None = Non
     return HandleFile(found, is_sequence)
 
 
-def _frame(handles: JsonValue, vertex_count: int, faces: IntArray) -> tuple[HandleTarget, ...]:
-    """The handles of a frame that are seen."""
+def _frame(
+    handles: JsonValue, vertex_count: int, faces: IntArray, bare: set[int]
+) -> tuple[HandleTarget, ...]:
+    """The handles of a frame that are seen; `bare` are the vertices without a face."""
     seen: list[HandleTarget] = []
     points: dict[int | SurfacePoint, int] = {}
     for n, entry in enumerate(handles.items()):
         place = ("face", "barycentric") if "face" in entry else ("vertex",)
-        entry.check_keys((*place, "position"), ("offset", "weight", "kind"))
+        entry.check_keys((*place, "position"), _OPTIONAL)
         point = plain_point(_point(entry, vertex_count, faces))
         weight = entry["weight"].number(above=0, most=LARGEST) if "weight" in entry else 1.0
         kind = entry["kind"].choice(get_args(HandleKind)) if "kind" in entry else "soft"
@@ -175,10 +186,37 @@ def _frame(handles: JsonValue, vertex_count: int, faces: IntArray) -> tuple[Hand
                 "one"
             )
         points[point] = n
+        turn = _orientation(entry, point, bare)
+        name, most = "orientation_weight", MOST_ORIENTATION_WEIGHT
+        factor = entry[name].number(above=0, most=most) if name in entry else 1.0
         if entry["position"].value not in (None, [None, None, None]):
             x, y, z = entry["position"].numbers(3)
-            seen.append(HandleTarget(point, (x, y, z), weight, kind))
+            seen.append(HandleTarget(point, (x, y, z), weight, kind, turn, factor))
     return tuple(seen)
+
+
+def _orientation(
+    entry: JsonValue, point: int | SurfacePoint, bare: set[int]
+) -> tuple[tuple[float, ...], ...] | None:
+    """The orientation of a handle, as a matrix by rows; None where there is none."""
+    if "orientation" not in entry or entry["orientation"].value is None:
+        return None
+    # This needs numba's kernels, which reading other files does not.
+    from deformer.geometry import checked_rotations
+
+    value = entry["orientation"]
+    R = checked_rotations(value.value, value, ())
+    if isinstance(point, SurfacePoint) and point.offset:
+        raise InputError(
+            f"{value}: the point is off the surface, and only points on it have one; remove the "
+            "offset or the orientation"
+        )
+    if point in bare:
+        raise InputError(
+            f"{value}: vertex {point} has no faces around it, and nothing that could turn; remove "
+            "the orientation"
+        )
+    return tuple(map(tuple, R.tolist()))
 
 
 def _point(entry: JsonValue, vertex_count: int, faces: IntArray) -> SurfacePoint:

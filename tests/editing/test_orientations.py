@@ -10,6 +10,7 @@ from deformer import (
     InputError,
     SurfacePoint,
     fit_sequence,
+    io,
     local_rotations,
     uncertainty,
 )
@@ -321,6 +322,69 @@ def test_wrong_orientations(model, given, parts):
     for part in parts:
         assert part in str(caught.value)
     assert not solver.handles
+
+
+def test_files_have_quaternions_or_matrices(tmp_path, model):
+    R = log_to_rotation(np.array([0.1, 0.7, -0.3]))
+    q = np.roll(Rotation.from_matrix(R).as_quat(), 1)
+    row = {"position": [0, 0, 0]}
+    rows = [
+        {"vertex": 1, **row, "orientation": q.tolist(), "orientation_weight": 0.5},
+        {"vertex": 2, **row, "orientation": R.tolist(), "kind": "exact"},
+        {"vertex": 3, **row, "orientation": None},
+        {"vertex": 4, "position": None, "orientation": q.tolist()},
+        {"face": 9, "barycentric": [0.2, 0.3, 0.5], **row, "orientation": (-q).round(4).tolist()},
+    ]
+    path = tmp_path / "h.json"
+    io.write_json(path, {"frames": [rows, []]})
+    first, second = io.load_handles(path, 120, model.reference.faces).frames
+    assert len(first) == 4 and second == ()
+    assert [handle.orientation is None for handle in first] == [False, False, True, False]
+    for n in (0, 1, 3):
+        assert np.allclose(first[n].orientation, R, atol=1e-3)
+    assert [handle.orientation_weight for handle in first] == [0.5, 1, 1, 1]
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ('"orientation": [1, 0, 0]', [".orientation: ", "(4,) or (3, 3)"]),
+        ('"orientation": [2, 0, 0, 0]', [".orientation: ", "length 2"]),
+        ('"orientation": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]', [".orientation: ", "reflection"]),
+        ('"orientation": [[1, 1, 0], [0, 1, 0], [0, 0, 1]]', [".orientation: ", "unit frame"]),
+        ('"orientation": [[1, 0, 0], [0, 1], [0, 0, 1]]', [".orientation: ", "array of numbers"]),
+        ('"orientation": ["a", 0, 0, 1]', [".orientation: ", "numbers"]),
+        ('"orientation": [1, null, 0, 0]', [".orientation: ", "numbers"]),
+        ('"orientation": [true, false, false, false]', [".orientation: ", "numbers"]),
+        ('"orientation": {"w": 1}', [".orientation: ", "numbers"]),
+        ('"orientation": 1', [".orientation: ", "(4,) or (3, 3)"]),
+        ('"orientation": [1, 0, 0, 0], "offset": 0.1', [".orientation: ", "off the surface"]),
+        ('"orientation_weight": 0', [".orientation_weight: ", "above 0"]),
+        ('"orientation_weight": 1e9', [".orientation_weight: ", "10000"]),
+        ('"rotation": [1, 0, 0, 0]', ["unknown key 'rotation'", "orientation"]),
+    ],
+)
+def test_wrong_files(tmp_path, model, text, parts):
+    path = tmp_path / "h.json"
+    path.write_text(f'{{"handles": [{{"vertex": 1, "position": [0, 0, 0], {text}}}]}}')
+    with pytest.raises(InputError) as caught:
+        io.load_handles(path, 120, model.reference.faces)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: handles[0]") and "\n" not in message
+    for part in parts:
+        assert part in message
+
+
+def test_files_name_vertices_without_a_face(tmp_path):
+    reference = pieces_model().reference
+    V = len(reference.vertices)
+    path = tmp_path / "h.json"
+    row = {"vertex": V - 1, "position": [0, 0, 0], "orientation": [1, 0, 0, 0]}
+    io.write_json(path, {"handles": [row]})
+    with pytest.raises(
+        InputError, match=rf"handles\[0\]\.orientation: vertex {V - 1} has no faces"
+    ):
+        io.load_handles(path, V, reference.faces)
 
 
 def test_points_that_cannot_turn(model):

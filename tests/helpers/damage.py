@@ -188,7 +188,9 @@ def check_shapes(shapes):
 
 def write_handles(path):
     first = [{"vertex": 3, "position": [0.0, 1.0, 2.5], "weight": 2.0}]
+    first[0] |= {"orientation": [0.6, 0.8, 0.0, 0.0], "orientation_weight": 0.5}
     second = [{"vertex": 3, "position": [0.5, 1.0, 2.5]}, {"vertex": 7, "position": [1, 2, 3]}]
+    second[1]["orientation"] = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
     path.write_text(json.dumps({"frames": [first, second]}))
 
 
@@ -197,6 +199,14 @@ def check_handles(file):
         assert 0 <= handle.vertex < 20
         assert handle.weight > 0
         assert np.isfinite([*handle.position, handle.weight]).all() and len(handle.position) == 3
+        check_orientation(handle)
+
+
+def check_orientation(handle):
+    if handle.orientation is not None:
+        R = np.array(handle.orientation)
+        assert np.allclose(R @ R.T, np.eye(3)) and np.linalg.det(R) > 0
+    assert handle.orientation_weight > 0
 
 
 def check_split(split):

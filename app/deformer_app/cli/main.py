@@ -273,7 +273,8 @@ def fit(
             metavar="HANDLES",
             help='JSON {"handles": \\[{"vertex": 17, "position": \\[x, y, z]}, …]}, or {"frames": '
             '\\[\\[…handles…], …]} for a sequence. Optional: "weight"; "kind", "soft", "exact" or '
-            '"pin"; "face" with "barycentric" in place of "vertex"; "offset" along the normal.',
+            '"pin"; "face" with "barycentric" in place of "vertex"; "offset" along the normal; '
+            '"orientation" \\[w, x, y, z], of the surface relative to the reference.',
             show_default=False,
         ),
     ] = None,

@@ -223,6 +223,34 @@ def test_fit_bridges_markers_that_are_not_seen(run_json, model_path, tmp_path):
     assert result["max_residual"] == pytest.approx(np.nanmax(expected.residual))
 
 
+@pytest.mark.parametrize("options", [[], ["--hard"]], ids=["soft", "exact"])
+def test_fit_turns_handles(run_json, model_path, tmp_path, options):
+    """What the file asks for is what the record says, of one pose and of every frame."""
+    model, vertices = deformer.load_model(model_path), (0, 100, 225)
+    shape = bending_bar().vertices[3]
+    turns = deformer.local_rotations(model, vertices, shape)
+    rows = [
+        {"vertex": v, "position": list(shape[v]), "orientation": R.tolist()}
+        for v, R in zip(vertices, turns, strict=True)
+    ]
+    del rows[1]["orientation"]
+    handles, output = tmp_path / "handles.json", tmp_path / "pose.obj"
+    handles.write_text(json.dumps({"handles": rows}))
+    result = run_json("fit", model_path, handles, "-o", output, *options)
+    found = deformer.local_rotations(model, vertices, deformer.load_mesh(output).vertices)
+    cosines = (np.einsum("hab,hab->h", found, turns) - 1) / 2
+    off = np.arccos(np.minimum(cosines, 1))[[0, 2]]
+    assert result["max_orientation"] == pytest.approx(off.max(), abs=1e-4)
+    assert result["orientation_rms"] == pytest.approx(rms(off), abs=1e-4)
+    assert (result["max_orientation"] < 1e-7) == bool(options)
+    bare = [{k: v for k, v in row.items() if k != "orientation"} for row in rows]
+    handles.write_text(json.dumps({"frames": [rows, rows, bare]}))
+    result = run_json("fit", model_path, handles, "-o", tmp_path / "poses.npz", *options)
+    angles = [frame.get("max_orientation") for frame in result["frames"]]
+    assert angles[2] is None and result["max_orientation"] == max(angles[:2])
+    assert (max(angles[:2]) < 1e-7) == bool(options)
+
+
 @pytest.mark.parametrize("name", ["frame_without_markers", "null_marker"])
 def test_fit_reads_marker_files(run_json, model_path, tmp_path, name):
     handles = Path(__file__).parent / f"{name}.json"
