@@ -172,6 +172,20 @@ def test_a_new_network_has_normal_weights_of_one_deviation_and_no_biases(layers)
     assert (scaled**4).mean() == pytest.approx(3, rel=6 * (96 / len(scaled)) ** 0.5 / 3)
 
 
+def test_components_beyond_the_principal_ones_hardly_change_the_start():
+    """Three shapes have three principal components; what else there is starts small."""
+    mesh = tube(30, 20)
+    x = 0.1 * torch.randn(len(mesh.vertices), 3, 9, generator=torch.Generator().manual_seed(0))
+    errors = []
+    for components in (3, 40):
+        torch.manual_seed(1)
+        network = MeshAutoencoder(*one_rings(mesh.faces, len(mesh.vertices)), components, (9,))
+        network.start_from_components(x)
+        with torch.no_grad():
+            errors.append((network(x)[0] - x).square().sum() / x.square().sum())
+    assert errors[1] < errors[0] + 0.01 and errors[0] < 0.1
+
+
 @pytest.mark.parametrize("layers", [(9,), (7, 4)])
 def test_weights_are_tied(layers):
     """There is one set of matrices: C, and two matrices and two biases a convolution."""
