@@ -201,11 +201,8 @@ def _orientation(
     """The orientation of a handle, as a matrix by rows; None where there is none."""
     if "orientation" not in entry or entry["orientation"].value is None:
         return None
-    # This needs numba's kernels, which reading other files does not.
-    from deformer.geometry import checked_rotations
-
     value = entry["orientation"]
-    R = checked_rotations(value.value, value, ())
+    rows = value.rotation()
     if isinstance(point, SurfacePoint) and point.offset:
         raise InputError(
             f"{value}: the point is off the surface, and only points on it have one; remove the "
@@ -216,7 +213,7 @@ def _orientation(
             f"{value}: vertex {point} has no faces around it, and nothing that could turn; remove "
             "the orientation"
         )
-    return tuple(map(tuple, R.tolist()))
+    return rows
 
 
 def _point(entry: JsonValue, vertex_count: int, faces: IntArray) -> SurfacePoint:

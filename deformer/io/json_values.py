@@ -140,6 +140,15 @@ class JsonValue:
         """One of some texts."""
         return checked_choice(self.value, self, choices, remedy=_REMEDY)
 
+    def rotation(self) -> tuple[tuple[float, float, float], ...]:
+        """The rows of a rotation matrix, given as a unit quaternion [w, x, y, z] or as rows."""
+        # This needs numba's kernels, which reading other values does not.
+        from deformer.geometry import checked_rotations
+
+        if self.value is None:
+            raise self.error("a unit quaternion [w, x, y, z] or a rotation matrix")
+        return tuple((x, y, z) for x, y, z in checked_rotations(self.value, self, ()).tolist())
+
 
 def read_value(path: PathLike) -> JsonValue:
     """Read a JSON file that contains an object.

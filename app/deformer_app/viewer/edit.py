@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 Point = tuple[float, float, float]
+Orientation = tuple[Point, Point, Point]  # a rotation matrix by rows
 Kind = Literal["soft", "exact", "pin"]
 KINDS: tuple[Kind, ...] = ("soft", "exact", "pin")
 Body = Literal["auto", "stays", "moves"]
@@ -33,6 +34,9 @@ class Handle:
         kind: "soft" (close to its target), "exact" (on it) or "pin" (on it, and drags leave it).
         weight: of a soft handle.
         patch: all vertices of a region; empty otherwise.
+        orientation: rotation that the surface around a single vertex shall have, relative to the
+            reference; None leaves it free.
+        orientation_weight: of the orientation of a soft handle, beside `weight`.
     """
 
     id: int
@@ -41,6 +45,8 @@ class Handle:
     kind: Kind = "soft"
     weight: float = 1.0
     patch: tuple[int, ...] = ()
+    orientation: Orientation | None = None
+    orientation_weight: float = 1.0
 
     @property
     def centre(self) -> Point:
@@ -55,6 +61,11 @@ class Handle:
     def moved(self, motion: Callable[[ArrayLike], Any]) -> Handle:
         """Return the handle with its targets moved."""
         return replace(self, targets=tuple(point(p) for p in motion(np.array(self.targets))))
+
+    def oriented(self, rotation: ArrayLike) -> Handle:
+        """Return the handle with a rotation (3, 3) as its orientation."""
+        x, y, z = (point(row) for row in np.asarray(rotation))
+        return replace(self, orientation=(x, y, z))
 
 
 @dataclass(frozen=True)
@@ -111,17 +122,22 @@ class Edit:
         gone = set(ids)
         return replace(self, handles=tuple(h for h in self.handles if h.id not in gone))
 
-    def arrays(self) -> tuple[list[int], list[Point], list[float], list[Kind]]:
-        """Return what HandleSolver.set_handles needs: vertices, targets, weights, kinds."""
+    def arrays(self) -> dict[str, list[Any]]:
+        """Return the arguments of HandleSolver.set_handles, lists with an entry a vertex."""
         rows = [
-            (vertex, target, handle.weight if handle.kind == "soft" else 1.0, handle.kind)
+            {
+                "vertices": vertex,
+                "targets": target,
+                "weights": handle.weight if handle.kind == "soft" else 1.0,
+                "kinds": handle.kind,
+                "orientations": handle.orientation,
+                "orientation_weights": handle.orientation_weight,
+            }
             for handle in self.handles
             for vertex, target in zip(handle.vertices, handle.targets, strict=True)
         ]
-        vertices, targets, weights, kinds = (
-            map(list, zip(*rows, strict=True)) if rows else ([],) * 4
-        )
-        return vertices, targets, weights, kinds
+        names = ("vertices", "targets", "weights", "kinds", "orientations", "orientation_weights")
+        return {name: [row[name] for row in rows] for name in names}
 
 
 def point(values: Any) -> Point:

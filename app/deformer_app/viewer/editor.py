@@ -267,10 +267,41 @@ class Editor:
         """Move the selected handles relative to the start of this drag; pins stay."""
         if self._before_drag is None:
             self._before_drag = self.edit
-        moved = [h.moved(motion) for h in self.state.movable(self._before_drag.handles)]
+        moved = self.state.movable(self._before_drag.handles)
+        if motion.turns:
+            if len(moved) == 1 and not self._orient(moved[0]):
+                return
+            moved = handle_changes.turned(self.state.movable(self._before_drag.handles), motion)
+        moved = [handle.moved(motion) for handle in moved]
         self.session.change(self._before_drag.with_handles(moved))
         self._ask(moving=True)
         self._announce(HandlesDragged())
+
+    def _orient(self, handle: Handle) -> bool:
+        """Give a handle the orientation that its surface has before this drag, if it has none.
+
+        Returns:
+            False if it cannot have any: then the user is told why.
+        """
+        assert self._before_drag is not None
+        if handle.is_region or handle.orientation is not None:
+            return True
+        try:
+            (R,) = deformer.local_rotations(self.model, handle.vertices, self.vertices)
+        except deformer.InputError as error:
+            self.note(str(error))
+            return False
+        self._before_drag = self._before_drag.with_handles([handle.oriented(R)])
+        return True
+
+    def turn_freely(self) -> None:
+        """Remove the orientations of the selected handles."""
+        handles = [h for h in self.state.selection(self.edit.handles) if h.orientation is not None]
+        if handles:
+            free = [replace(handle, orientation=None) for handle in handles]
+            self.change("Turn freely", self.edit.with_handles(free))
+        else:
+            self.note("Select a handle that has been turned first")
 
     def commit(self, label: str) -> None:
         """Make the current change one step of the history."""
@@ -284,8 +315,8 @@ class Editor:
 
     def _note_units(self) -> None:
         """Tell the user if the targets are most likely in other units than the model."""
-        vertices, targets, _, _ = self.edit.arrays()
-        warning = deformer.unit_warning(self.model, vertices, targets)
+        rows = self.edit.arrays()
+        warning = deformer.unit_warning(self.model, rows["vertices"], rows["targets"])
         if warning is not None:
             self.note(warning)
 

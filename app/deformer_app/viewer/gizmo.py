@@ -34,11 +34,18 @@ _PARTS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """x ↦ matrix · (x − centre) + centre + shift."""
+    """x ↦ matrix · (x − centre) + centre + shift.
+
+    Args:
+        matrix: (3, 3).
+        centre, shift: (3,).
+        turns: true if the matrix is a rotation that also turns what is moved.
+    """
 
     matrix: NDArray[np.float64]
     centre: NDArray[np.float64]
     shift: NDArray[np.float64]
+    turns: bool = False
 
     def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return points (n, 3), moved."""
@@ -53,7 +60,7 @@ def translation(shift: ArrayLike) -> Motion:
 def rotation(centre: ArrayLike, vector: ArrayLike) -> Motion:
     """Return the motion that turns about `centre` (3,) by a rotation vector (3,) in radians."""
     turn = log_to_rotation(np.asarray(vector, dtype=np.float64))
-    return Motion(turn, np.asarray(centre, dtype=np.float64), np.zeros(3))
+    return Motion(turn, np.asarray(centre, dtype=np.float64), np.zeros(3), turns=True)
 
 
 def scaling(centre: ArrayLike, factor: float) -> Motion:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deformer import Mesh, Symmetry, spread
 from deformer_app.viewer.edit import Edit, Handle, Kind, point
+from deformer_app.viewer.gizmo import Motion
 
 _REGION_TARGETS = 8  # vertices of a painted region that have targets
 
@@ -35,6 +36,14 @@ def centred_at(handles: Sequence[Handle], centre: ArrayLike) -> list[Handle]:
     before = np.mean([handle.centre for handle in handles], axis=0)
     shift = np.asarray(centre, dtype=np.float64) - before
     return [handle.moved(lambda p: p + shift) for handle in handles]
+
+
+def turned(handles: Iterable[Handle], motion: Motion) -> list[Handle]:
+    """Turn the orientations of handles, where they have one, by a motion; targets stay."""
+    return [
+        h if h.orientation is None else h.oriented(motion.matrix @ np.array(h.orientation))
+        for h in handles
+    ]
 
 
 def region_handle(number: int, region: Iterable[int], reference: Mesh, shown: NDArray) -> Handle:
@@ -69,6 +78,7 @@ def mirrored(
         number: id of the first new handle; the next ones count on.
     """
     changed = []
+    flip = np.eye(3) - 2.0 * np.outer(symmetry.normal, symmetry.normal)
     for handle in sources:
         vertices = tuple(symmetry.opposite[list(handle.vertices)].tolist())
         patch = tuple(sorted(set(symmetry.opposite[list(handle.patch)].tolist())))
@@ -82,6 +92,8 @@ def mirrored(
             targets=tuple(point(p) for p in symmetry.mirror(handle.targets)),
             patch=patch,
         )
+        if handle.orientation is not None:
+            copy = copy.oriented(flip @ np.array(handle.orientation) @ flip)
         number += not there
         changed.append(copy)
     return changed

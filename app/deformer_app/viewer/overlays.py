@@ -18,6 +18,7 @@ from deformer_app.viewer.primitives import Dots, Strokes
 
 Corner = Literal["bottom", "top", "middle"]  # left, right, and of the picture
 
+_FRAME = 26.0  # pixels from the origin to the tip of an axis of an orientation
 _APART = 4.0  # distance in pixels from which a line joins handle and target
 _CORNERS: dict[Corner, tuple[float, float]] = {
     "bottom": (0.015, 0.02),
@@ -63,6 +64,7 @@ class Overlays:
         self._balls: dict[int, Dots] = {}
         self._hover = Dots(scene, 12)
         self._residuals, self._targets = Strokes(above, 2.5), Dots(above, 9)
+        self._frames = Strokes(above, 2.5)
         self._gizmo, self._gizmo_lit = Strokes(above, 3.5), Strokes(above, 5.5)
         self._tips, self._box = Dots(above, 11), Strokes(above, 1.5)
         self._texts = {corner: _text(above, corner) for corner in _CORNERS}
@@ -76,8 +78,8 @@ class Overlays:
         self._scale = scene, above
         for dots in (*self._balls.values(), self._hover):
             dots.magnify(scene)
-        for item in (self._residuals, self._targets, self._gizmo, self._gizmo_lit, self._tips,
-                     self._box):  # fmt: skip
+        for item in (self._residuals, self._targets, self._frames, self._gizmo, self._gizmo_lit,
+                     self._tips, self._box):  # fmt: skip
             item.magnify(above)
 
     def set_theme(self, theme: Theme) -> None:
@@ -105,6 +107,16 @@ class Overlays:
         lines = np.stack([handles.positions[apart], handles.targets[apart]], axis=1)
         self._targets.show(handles.targets[apart], [TARGET] * len(lines))
         self._residuals.show(list(lines), [TARGET] * len(lines))
+
+    def show_frames(self, frames: Sequence[tuple[ArrayLike, NDArray[np.float64]]]) -> None:
+        """Draw the axes of orientations (3, 3), as they are turned, at points (3,)."""
+        lines, colours = [], []
+        if self._camera is not None:
+            for origin, R in frames:
+                length = _FRAME * self._camera.pixel_size(origin, self._size())
+                lines += [np.stack([origin, origin + length * axis]) for axis in R.T]
+                colours += AXES.values()
+        self._frames.show(lines, colours)
 
     def show_hover(self, points: ArrayLike) -> None:
         """Highlight points (n, 3)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -97,6 +98,9 @@ class PoseWorker:
         aside = point(reference.vertices[0] + 0.02 * reference.bounding_diagonal)
         for kind in ("soft", "exact"):
             self.final_pose(Edit(base, (Handle(1, (0,), (aside,), kind),)))
+        turned = Handle(1, (int(reference.faces[0, 0]),), (aside,), "exact").oriented(np.eye(3))
+        with contextlib.suppress(deformer.InputError):  # there is no surface that could turn
+            self.final_pose(Edit(base, (turned,)))
         self._edit = None
 
     def __call__(self, request: Request) -> Iterator[Answer]:
@@ -141,8 +145,7 @@ class PoseWorker:
         if last is None or (last.noise, last.freedom) != (edit.noise, edit.freedom):
             self._solver.set_prior(noise=edit.noise, freedom=edit.freedom)
         if last is None or last.handles != edit.handles:
-            vertices, targets, weights, kinds = edit.arrays()
-            self._solver.set_handles(vertices, targets, weights, kinds=kinds)
+            self._solver.set_handles(**edit.arrays())
         self._edit = edit
 
     def _answer(self, request: Request, pose: Pose, final: bool) -> Answer:

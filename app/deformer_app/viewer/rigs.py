@@ -59,7 +59,15 @@ def load_handles(editor: Editor, path: str | Path) -> None:
             raise InputError(
                 f"{path}: handles[{n}]: has an offset, expected a vertex alone; remove the offset"
             )
-    options = [{"kind": row.kind, "weight": row.weight} for row in rows]
+    options = [
+        {
+            "kind": row.kind,
+            "weight": row.weight,
+            "orientation": row.orientation,
+            "orientation_weight": row.orientation_weight,
+        }
+        for row in rows
+    ]
     vertices = [row.vertex for row in rows if isinstance(row.vertex, int)]
     _place(editor, "Load handles", vertices, [row.position for row in rows], options)
 

@@ -15,7 +15,16 @@ from numpy.typing import ArrayLike
 
 import deformer
 from deformer import InputError, io
-from deformer_app.viewer.edit import BODIES, KINDS, Edit, Handle, Point, Solution, point
+from deformer_app.viewer.edit import (
+    BODIES,
+    KINDS,
+    Edit,
+    Handle,
+    Orientation,
+    Point,
+    Solution,
+    point,
+)
 
 FORMAT = 1
 
@@ -163,15 +172,12 @@ class Session:
 
         `z` is None where the pose has not been solved for.
         """
-        rows = zip(*self.edit.arrays(), strict=True)
+        rows = self.edit.arrays()
         return {
             "model": self.model.path,
             "steps": self.cursor,
             "saved": not self.changed,
-            "handles": [
-                {"vertex": v, "position": list(t), "weight": w, "kind": kind}
-                for v, t, w, kind in rows
-            ],
+            "handles": [_target(*row) for row in zip(*rows.values(), strict=True)],
             "z": None if self.entry.solution is None else list(self.entry.solution.z),
         }
 
@@ -264,14 +270,34 @@ def _handle(item: io.JsonValue) -> Handle:
     vertices = item["vertices"].integers(least=0)
     if not vertices:
         raise item["vertices"].error("a list of at least one vertex")
-    return Handle(
+    # Sessions of earlier versions have neither.
+    turn = item["orientation"].value if "orientation" in item else None
+    factor = "orientation_weight"
+    handle = Handle(
         item["id"].integer(least=0),
         tuple(vertices),
         tuple(point(target.numbers(3)) for target in item["targets"].items(len(vertices))),
         item["kind"].choice(KINDS),
         item["weight"].number(above=0, most=io.LARGEST),
         tuple(item["patch"].integers(least=0)),
+        orientation_weight=item[factor].number(above=0, most=1e4) if factor in item else 1.0,
     )
+    return handle if turn is None else handle.oriented(item["orientation"].rotation())
+
+
+def _target(
+    vertex: int,
+    target: Point,
+    weight: float,
+    kind: str,
+    orientation: Orientation | None,
+    orientation_weight: float,
+) -> dict[str, Any]:
+    """An entry of a handles file."""
+    entry = {"vertex": vertex, "position": list(target), "weight": weight, "kind": kind}
+    if orientation is not None:
+        entry |= {"orientation": orientation, "orientation_weight": orientation_weight}
+    return entry
 
 
 def _entry(item: io.JsonValue, handles: list[Handle], bases: list[tuple[float, ...]]) -> Entry:

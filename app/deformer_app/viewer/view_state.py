@@ -124,6 +124,8 @@ class ViewState:
         self.view.sharpen(False)
         overlays, vertex = self.view.overlays, self.hovered.vertex
         overlays.show_handles(self._dots(vertices, handles)[0])
+        oriented = [handle for handle in handles if handle.orientation is not None]
+        overlays.show_frames([(h.centre, np.array(h.orientation)) for h in oriented])
         overlays.show_hover([] if vertex is None else vertices[[vertex]])
         overlays.show_gizmo(self.gizmo(handles), self.hovered.part)
         self.view.render()
@@ -196,7 +198,7 @@ class ViewState:
         self._announce(LookChanged())
 
     def set_gizmo(self, mode: Mode) -> None:
-        """Choose what the manipulator of several handles does."""
+        """Choose what the manipulator does."""
         self.gizmo_mode = mode
         self.invalidate()
         self._announce(LookChanged())
@@ -234,7 +236,10 @@ class ViewState:
             return None
         several = sum(len(handle.vertices) for handle in moved) > 1
         centre = point(np.mean([handle.centre for handle in moved], axis=0))
-        return Gizmo(centre, self.gizmo_mode if several else "move")
+        # Nothing of a single point can be scaled.
+        return Gizmo(
+            centre, "move" if self.gizmo_mode == "scale" and not several else self.gizmo_mode
+        )
 
     def hover(self, found: Hover) -> None:
         """Highlight what is under the cursor."""

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 import deformer
 from deformer import InputError, io
@@ -366,6 +367,103 @@ def test_the_brush_grows_and_shrinks(editor):
         editor.stage.finish_region(add=False)
         painted.append(len(editor.edit.handles[-1].patch))
     assert painted[0] < painted[1]
+
+
+def turn(editor, part="rz", by=(20, 25)):
+    """Drag a ring of the manipulator."""
+    gizmo, camera = editor.stage.gizmo, editor.state.camera
+    at = next(
+        pixel
+        for pixel in camera.project(gizmo.outline(part, camera, SIZE), SIZE)
+        if gizmo.part_at(pixel, camera, SIZE) == part and editor.stage.handle_at(pixel) is None
+    )
+    mouse(editor, at, at + np.array(by))
+
+
+def test_one_handle_turns_in_its_place(editor, tmp_path):
+    """From the rotation that the surface has; the surface follows, exactly if the handle is exact.
+
+    Undone and redone, saved, exported and read again; at last it turns freely as before.
+    """
+    vertex = seen(editor, 1.0)[0]
+    editor.place(vertex)
+    editor.commit("Place handle")
+    editor.state.set_gizmo("rotate")
+    finish(editor)
+    assert editor.stage.gizmo.mode == "rotate"
+    drawn = editor.state.view.overlays._frames.actor
+    editor.state.draw(editor.vertices, editor.edit.handles)
+    assert not drawn.GetVisibility()
+    (start,) = deformer.local_rotations(editor.model, [vertex], editor.vertices)
+    (before,) = editor.edit.handles
+    turn(editor)
+    (handle,) = editor.edit.handles
+    assert editor.session.entry.label == "Rotate" and drawn.GetVisibility()
+    assert handle.targets == before.targets
+    delta = Rotation.from_matrix(np.array(handle.orientation) @ start.T).as_rotvec()
+    assert np.linalg.norm(delta) > 0.1
+    np.testing.assert_allclose(delta[:2], 0, atol=1e-9)
+    off = editor.answer.pose.orientation_residual[0]
+    assert off < 0.9 * np.linalg.norm(delta)
+    editor.set_kind("exact")
+    finish(editor)
+    (own,) = deformer.local_rotations(editor.model, [vertex], editor.vertices)
+    np.testing.assert_allclose(own, handle.orientation, atol=1e-9)
+    shown = editor.vertices
+    editor.undo()
+    editor.undo()
+    finish(editor)
+    assert editor.edit.handles == (before,) and not drawn.GetVisibility()
+    editor.redo()
+    editor.redo()
+    finish(editor)
+    np.testing.assert_allclose(editor.vertices, shown, atol=1e-6)
+    turn(editor)
+    assert editor.edit.handles[0].orientation != handle.orientation
+    editor.undo()
+    export_handles(editor, tmp_path / "h.json")
+    editor.save_session(tmp_path / "s.json")
+    found = replay(Session.load(tmp_path / "s.json"), editor.model).vertices
+    np.testing.assert_allclose(found, shown, atol=1e-6)
+    editor.turn_freely()
+    assert editor.edit.handles[0].orientation is None
+    load_handles(editor, tmp_path / "h.json")
+    np.testing.assert_allclose(editor.edit.handles[0].orientation, handle.orientation, atol=1e-12)
+
+
+def test_handles_that_are_turned_turn_with_the_others(editor):
+    """Several about their centre: those with an orientation, and no others, turn it along."""
+    for vertex in (4, 60, 115):
+        editor.place(vertex, add=True)
+    editor.commit("Place handle")
+    first, *rest = editor.edit.handles
+    editor.change("Turn", editor.edit.with_handles([first.oriented(np.eye(3))]))
+    motion = rotation([1.0, 0, 0], [0.0, 0.3, 0.0])
+    editor.move_selected(motion)
+    editor.commit("Rotate")
+    (turned, *others) = editor.edit.handles
+    np.testing.assert_allclose(turned.orientation, motion.matrix, atol=1e-12)
+    assert [handle.orientation for handle in others] == [None, None]
+    for handle, was in zip(editor.edit.handles, [first, *rest], strict=True):
+        np.testing.assert_allclose(handle.targets, motion(was.targets), atol=1e-12)
+    editor.move_selected(translation([0.1, 0.0, 0.0]))
+    editor.commit("Move")
+    np.testing.assert_allclose(editor.edit.handles[0].orientation, motion.matrix, atol=1e-12)
+
+
+def test_a_mirrored_handle_is_turned_as_in_a_mirror(editor):
+    editor.plane.set_across("z")
+    editor.place(int(editor.model.reference.vertices[:, 2].argmax()))
+    editor.commit("Place handle")
+    (handle,) = editor.edit.handles
+    tilt = rotation(np.zeros(3), [0.2, 0.1, 0.4]).matrix
+    editor.change("Turn", editor.edit.with_handles([handle.oriented(tilt)]))
+    editor.mirror()
+    copy = editor.edit.handles[1]
+    # A rotation vector is an axial one: along the normal it stays, across it turns round.
+    np.testing.assert_allclose(
+        copy.orientation, rotation(np.zeros(3), [-0.2, -0.1, 0.4]).matrix, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("mode", ["rotate", "scale"])

@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from deformer import InputError
+from deformer import InputError, io
 from deformer_app.viewer.edit import Edit, Handle, Solution
 from deformer_app.viewer.gizmo import translation
 from deformer_app.viewer.session import ModelName, Session
 
 BASE = (0.1, -0.2, 1 / 3)
 NAME = ModelName("somewhere/model", "ab" * 32)
+# A quarter turn about z, then one about x: no number is rounded.
+TURN = ((0.0, -1.0, 0.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0))
 ANSWER = Solution((0.3, 0.1, 1e-17), (0.0, 1e-300, 2.0), (1 / 7, 0.0, -5.0))
 
 
@@ -96,6 +98,8 @@ def test_saving_and_loading_gives_every_number_back(tmp_path):
     work.solved(work.edit, ANSWER)
     region = Handle(3, (1, 2), ((0.1, 0.0, 0.0), (0.0, 1e-9, 0.0)), patch=(1, 2, 5))
     work.do("Paint", work.edit.with_handles([region]))
+    turned = replace(handle(4).oriented(TURN), orientation_weight=0.25)
+    work.do("Rotate", work.edit.with_handles([turned, handle(5).oriented(np.eye(3))]))
     work.do("Body", replace(work.edit, body="moves", noise=0.02, base=(1.0, 2.0, 3.0)))
     work.undo()
     work.view = {"camera": {"position": [1, 2, 3]}}
@@ -106,6 +110,50 @@ def test_saving_and_loading_gives_every_number_back(tmp_path):
     assert again.can_redo and not again.changed
     again.save(tmp_path / "b.json")
     assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
+
+
+def test_sessions_from_before_orientations_open(tmp_path):
+    work = session()
+    work.do("Place", work.edit.with_handles([handle(1), handle(2, 9)]))
+    work.save(tmp_path / "a.json")
+    data = json.loads((tmp_path / "a.json").read_text())
+    for entry in data["handles"]:
+        del entry["orientation"], entry["orientation_weight"]
+    (tmp_path / "a.json").write_text(json.dumps(data))
+    assert Session.load(tmp_path / "a.json").entries == work.entries
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "part"),
+    [
+        ("orientation", [1, 0, 0], "(4,) or (3, 3)"),
+        ("orientation", [[1, 0, 0], [0, 1, 0], [0, 0, -1]], "reflection"),
+        ("orientation", "up", "numbers"),
+        ("orientation_weight", -1, "above 0"),
+    ],
+)
+def test_damaged_orientations(tmp_path, key, value, part):
+    work = session()
+    work.do("Place", work.edit.with_handles([handle(1)]))
+    work.save(tmp_path / "a.json")
+    data = json.loads((tmp_path / "a.json").read_text())
+    data["handles"][0][key] = value
+    (tmp_path / "a.json").write_text(json.dumps(data))
+    with pytest.raises(InputError) as caught:
+        Session.load(tmp_path / "a.json")
+    assert f"a.json: handles[0].{key}: " in str(caught.value) and part in str(caught.value)
+
+
+def test_the_summary_is_a_handles_file(tmp_path):
+    turned = replace(handle(4).oriented(TURN), orientation_weight=0.25)
+    work = session()
+    work.do("Place", work.edit.with_handles([turned, handle(5, 3)]))
+    io.write_json(tmp_path / "h.json", {"handles": work.summary()["handles"]})
+    (rows,) = io.load_handles(tmp_path / "h.json", 10).frames
+    assert [(row.vertex, row.orientation, row.orientation_weight) for row in rows] == [
+        (7, TURN, 0.25),
+        (3, None, 1.0),
+    ]
 
 
 def test_a_long_session_stays_small(tmp_path):
@@ -156,12 +204,17 @@ def test_few_handles_leave_the_body_where_it_is():
 def test_arrays_for_the_solver():
     region = Handle(3, (1, 2), ((0.1, 0, 0), (0, 1e-9, 0)), weight=2.0, patch=(1, 2, 5))
     edit = Edit(BASE).with_handles([handle(1, kind="pin", weight=5.0), region])
-    vertices, targets, weights, kinds = edit.arrays()
-    assert vertices == [7, 1, 2]
-    assert targets == [(1.0, 2.0, 1 / 3), (0.1, 0, 0), (0, 1e-9, 0)]
-    assert weights == [1.0, 2.0, 2.0]
-    assert kinds == ["pin", "soft", "soft"]
-    assert Edit(BASE).arrays() == ([], [], [], [])
+    turned = handle(4).oriented(TURN)
+    edit = edit.with_handles([turned])
+    assert edit.arrays() == {
+        "vertices": [7, 1, 2, 7],
+        "targets": [(1.0, 2.0, 1 / 3), (0.1, 0, 0), (0, 1e-9, 0), (1.0, 2.0, 1 / 3)],
+        "weights": [1.0, 2.0, 2.0, 1.0],
+        "kinds": ["pin", "soft", "soft", "soft"],
+        "orientations": [None, None, None, TURN],
+        "orientation_weights": [1.0] * 4,
+    }
+    assert set(map(len, Edit(BASE).arrays().values())) == {0}
 
 
 def damaged(**changes):

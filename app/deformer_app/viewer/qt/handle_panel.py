@@ -129,16 +129,21 @@ class HandlePanel(QWidget):
     def _fill_table(self, handles: Sequence[Handle], diagonal: float) -> None:
         answer = self._editor.answer
         residual = np.zeros(0) if answer is None else answer.pose.residual
+        angles = np.zeros(0) if answer is None else answer.pose.orientation_residual
         start = 0
         self.table.setRowCount(len(handles))
         for n, handle in enumerate(handles):
             distances = residual[start : start + len(handle.vertices)]
+            turned = angles[start : start + len(handle.vertices)]
+            off = f"{100 * float(distances.max()) / diagonal:.2f} %" if len(distances) else ""
+            if len(turned) and not np.isnan(turned[0]):
+                off += f", {np.degrees(turned[0]):.1f}°"
             start += len(handle.vertices)
             texts = (
                 f"region {len(handle.patch)}" if handle.is_region else f"{handle.vertices[0]}",
                 handle.kind,
                 f"{handle.weight:.3g}" if handle.kind == "soft" else "–",
-                f"{100 * float(distances.max()) / diagonal:.2f} %" if len(distances) else "",
+                off,
             )
             for column, text in enumerate(texts):
                 item = self.table.item(n, column)

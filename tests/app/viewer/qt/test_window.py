@@ -423,6 +423,23 @@ def test_a_person_poses_the_shipped_figure_and_finds_it_as_it_was_left(display, 
         person.key("ctrl+shift+z")
         person.wait(lambda: saved().edit == raised.edit)
 
+        # The hand turned in its place, by the top of a ring: back, forth, and free again.
+        hand = soft[1].id
+        top = (HAND[0] + 20, HAND[1] - 120 - 83)
+        person.key("2")
+        person.drag(top, *((top[0] + 6 * n, top[1]) for n in range(1, 8)))
+        person.wait(lambda: saved().entry.label == "Rotate")
+        assert saved().edit.handle(hand).orientation is not None
+        assert saved().edit.handle(hand).targets == soft[1].targets
+        person.key("ctrl+z")
+        person.wait(lambda: saved().edit == raised.edit)
+        person.key("ctrl+shift+z")
+        person.wait(lambda: saved().entry.label == "Rotate")
+        person.key("t")
+        person.wait(lambda: saved().entry.label == "Turn freely")
+        assert saved().edit == raised.edit
+        person.key("1")
+
         # The first component's slider, dragged to the right.
         person.drag((1190, 473), (1210, 473), (1230, 473))
         person.wait(lambda: saved().entry.label.startswith("Component"))
