@@ -18,9 +18,9 @@ _DATA = {
     "humanoid": "the generated set for Humanoid",
 }
 
-# What docs/prior.md measures under "The paper's configuration".
-_SEEN = (
-    "On SCAPE the paper's network has the paper's errors on training shapes, not on unseen ones."
+_NEARNESS = (
+    "How near the paper's numbers come depends on the reference shape and the number of steps: "
+    "see docs/prior.md, “The paper's configuration”."
 )
 
 
@@ -89,7 +89,8 @@ def _gerror(tables: Tables) -> Part | None:
         image = curves.draw(table, title, "components", points)
         figures.append(Figure(image, "svg+xml", title))
     note = (
-        f"The paper's curves are pictures; the stars are the numbers that its text states. {_SEEN}"
+        "The paper's curves are pictures; the stars are the numbers that its text states. "
+        + _NEARNESS
     )
     return (
         Part("Figure “gerror”: errors over components", figures=figures, note=note)
@@ -117,7 +118,7 @@ def _diff_lambda(tables: Tables) -> Part | None:
     if all(cell.text == "–" for cell in measured[2:]):
         return None
     grid = Grid(head, [stated, measured, fitted])
-    return Part("Table “diff_lambda”: E_rms on SCAPE, 50 components", [grid], note=_SEEN)
+    return Part("Table “diff_lambda”: E_rms on SCAPE, 50 components", [grid], note=_NEARNESS)
 
 
 def _control(tables: Tables) -> Part | None:
