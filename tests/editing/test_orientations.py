@@ -14,6 +14,7 @@ from deformer import (
     local_rotations,
     uncertainty,
 )
+from deformer.editing.green_functions import HandleBasis
 from deformer.editing.orientations import LocalFrame, LocalFrames, turned_by
 from deformer.geometry import log_to_rotation
 from shapes import large_model, pieces_model, random_rotation, small_model
@@ -171,6 +172,22 @@ def test_exact_handles_turn_exactly(model, diagonal, shape, kind, angle):
         assert np.isnan(pose.orientation_residual).tolist() == [False, True, False]
 
 
+def test_exact_orientations_leave_the_stretch(model, diagonal):
+    """A surface that is turned as asked stays as it is, however it is stretched."""
+    basis = HandleBasis(model)
+    frame = basis.frames.of(60)
+    basis.set_points(frame.points)
+    exact = basis.exact_handles(frame.points)
+    stretch = random_rotation(np.random.default_rng(1)) * [1.3, 0.8, 1.0]
+    vertices = model.reference.vertices @ stretch.T
+    targets = frame.targets(vertices[60], frame.rotation(vertices))
+    index, weights = list(frame.points[0].vertices), [point.weights for point in frame.points]
+    assert distance(np.array(weights) @ vertices[index], targets) > 0.001 * diagonal
+    moved = vertices.copy()
+    exact.correct(moved, targets)
+    assert distance(moved, vertices) < 1e-9 * diagonal
+
+
 def test_the_residual_is_the_angle(model, shape):
     R = turned(local_rotations(model, HANDLES, shape))
     solver = HandleSolver(model)
@@ -243,6 +260,9 @@ def test_the_frame_follows_the_noise(model, diagonal, shape):
     changed.solve()
     changed.set_prior(noise=0.03)
     assert distance(changed.solve().vertices, fresh.solve().vertices) < 1e-6 * diagonal
+    lengths = {point.frame[1] for point in changed.basis.points}
+    assert lengths == {point.frame[1] for point in fresh.basis.points}
+    assert lengths == {0.03**0.5 * diagonal}
 
 
 def test_orientations_make_more_certain(model, shape):

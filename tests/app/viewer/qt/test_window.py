@@ -437,7 +437,8 @@ def test_a_person_poses_the_shipped_figure_and_finds_it_as_it_was_left(display, 
         person.wait(lambda: saved().entry.label == "Rotate")
         person.key("t")
         person.wait(lambda: saved().entry.label == "Turn freely")
-        assert saved().edit == raised.edit
+        freed = saved()
+        assert freed.edit == raised.edit
         person.key("1")
 
         # The first component's slider, dragged to the right.
@@ -461,7 +462,7 @@ def test_a_person_poses_the_shipped_figure_and_finds_it_as_it_was_left(display, 
         assert np.abs(found - left).max() < 1e-6 * diagonal
         assert np.abs(found - reference).max() > 0.2
         person.key("ctrl+z")
-        person.wait(lambda: person.steps()[-1:] == [raised.entry.label])
+        person.wait(lambda: person.steps()[-1:] == [freed.entry.label])
     finally:
         person.end()
 
