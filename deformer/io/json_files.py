@@ -157,8 +157,7 @@ def load_handles(path: PathLike, vertex_count: int, faces: IntArray | None = Non
     if not frames:
         raise data["frames"].error("a list of frames")
     rows = np.empty((0, 3), dtype=np.int64) if faces is None else faces
-    bare = set(range(vertex_count)).difference(rows.ravel().tolist()) if len(rows) else set()
-    found = tuple(_frame(handles, vertex_count, rows, bare) for handles in frames)
+    found = tuple(_frame(handles, vertex_count, rows) for handles in frames)
     if not any(found):
         where = data["frames" if is_sequence else "handles"]
         raise InputError(
@@ -167,10 +166,8 @@ def load_handles(path: PathLike, vertex_count: int, faces: IntArray | None = Non
     return HandleFile(found, is_sequence)
 
 
-def _frame(
-    handles: JsonValue, vertex_count: int, faces: IntArray, bare: set[int]
-) -> tuple[HandleTarget, ...]:
-    """The handles of a frame that are seen; `bare` are the vertices without a face."""
+def _frame(handles: JsonValue, vertex_count: int, faces: IntArray) -> tuple[HandleTarget, ...]:
+    """The handles of a frame that are seen."""
     seen: list[HandleTarget] = []
     points: dict[int | SurfacePoint, int] = {}
     for n, entry in enumerate(handles.items()):
@@ -186,7 +183,7 @@ def _frame(
                 "one"
             )
         points[point] = n
-        turn = _orientation(entry, point, bare)
+        turn = _orientation(entry, point, faces)
         name, most = "orientation_weight", MOST_ORIENTATION_WEIGHT
         factor = entry[name].number(above=0, most=most) if name in entry else 1.0
         if entry["position"].value not in (None, [None, None, None]):
@@ -196,7 +193,7 @@ def _frame(
 
 
 def _orientation(
-    entry: JsonValue, point: int | SurfacePoint, bare: set[int]
+    entry: JsonValue, point: int | SurfacePoint, faces: IntArray
 ) -> tuple[tuple[float, ...], ...] | None:
     """The orientation of a handle, as a matrix by rows; None where there is none."""
     if "orientation" not in entry or entry["orientation"].value is None:
@@ -208,7 +205,7 @@ def _orientation(
             f"{value}: the point is off the surface, and only points on it have one; remove the "
             "offset or the orientation"
         )
-    if point in bare:
+    if isinstance(point, int) and len(faces) and not np.any(np.asarray(faces) == point):
         raise InputError(
             f"{value}: vertex {point} has no faces around it, and nothing that could turn; remove "
             "the orientation"
