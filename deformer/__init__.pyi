@@ -31,6 +31,7 @@ from .editing import (
     fit_sequence as fit_sequence,
     layout as layout,
     local_rotations as local_rotations,
+    target_noise as target_noise,
     uncertainty as uncertainty,
     unit_warning as unit_warning,
 )

@@ -122,6 +122,7 @@ def calls(tmp_path_factory):
         "save_shapes": (folder / "o.npz", shapes, "ply"),
         "spread": (V, 3),
         "symmetry_about": (mesh, [0.0, 0, 0], [1.0, 0, 0]),
+        "target_noise": (model, 0.01),
         "train": {"shapes": shapes, "components": 2, "epochs": 1, "on_progress": None},
         "transfer": (model, model, code),
         "transfer_code": (model, model, code),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from deformer.checks import checked_number
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
 
@@ -35,9 +36,14 @@ def checked_codes(codes: ArrayLike, size: int) -> FloatArray:
 
 
 def checked_handles(
-    vertices: ArrayLike, targets: ArrayLike, vertex_count: int
-) -> tuple[IntArray, FloatArray]:
-    """Vertices (H,) int64, all different, H ≥ 1, and finite targets (H, 3); else InputError."""
+    vertices: ArrayLike, targets: ArrayLike, vertex_count: int, noise: float = 0.0
+) -> tuple[IntArray, FloatArray, float]:
+    """Vertices (H,) int64, targets (H, 3) and their noise.
+
+    Raises:
+        InputError: no vertices, repeated or unknown ones, targets that are not finite or of another
+            shape, or a noise that is not a number of at least 0.
+    """
     index = np.asarray(vertices)
     goals = np.asarray(targets, dtype=np.float64)
     if index.ndim != 1 or len(index) == 0 or not np.issubdtype(index.dtype, np.integer):
@@ -61,7 +67,7 @@ def checked_handles(
     same = np.flatnonzero(np.bincount(index, minlength=vertex_count) > 1)
     if len(same):
         raise InputError(f"vertex {same[0]} is given twice; give each vertex one target")
-    return index.astype(np.int64), goals
+    return index.astype(np.int64), goals, checked_number(noise, "noise", least=0)
 
 
 def checked_training(shape_count: int, components: int, noise: float | None) -> None:

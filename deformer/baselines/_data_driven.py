@@ -35,6 +35,7 @@ class DataDrivenDeformation:
         Σ_i Σ_j c_ij ‖(p_i − p_j) − Q T_i(w) (v_i − v_j)‖² / (σ² Σ_i Σ_j c_ij ‖v_i − v_j‖²)
             + (w − μ)ᵀ Σ⁻¹ (w − μ) + ‖ω‖² / 0.3²      where p_h = q_h.
 
+    Targets with errors ε have Σ_h ‖p_h − q_h‖² / ε² in place of the constraint.
     The energy is quadratic in p: the factored Laplacian and one Green's function a handle eliminate
     the positions, and damped Gauss–Newton minimises the rest over w and ω. It starts from the mean
     and from the examples of least energy. The first term depends neither on the unit of length nor
@@ -89,23 +90,28 @@ class DataDrivenDeformation:
         self._green = {v: self._green[v] for v in vertices.tolist()}
         return np.array([self._green[v] for v in vertices.tolist()])
 
-    def fit(self, vertices: IntArray, targets: FloatArray, noise: float) -> FloatArray:
-        """Vertices (V, 3) of the fitted mesh, with the handles exactly at their targets.
+    def fit(
+        self, vertices: IntArray, targets: FloatArray, noise: float, error: float = 0.0
+    ) -> FloatArray:
+        """Vertices (V, 3) of the fitted mesh.
 
         Args:
             vertices: (H,) int64 handles, all different, H ≥ 1.
             targets: (H, 3) positions.
             noise: σ, the root mean square strain that adds as much energy as one standard deviation
                 of the prior; no unit.
+            error: ε, standard deviation of the targets' coordinates, in the data's units; with 0
+                the handles are exactly at their targets.
         """
         G = self.green(vertices)
-        inverse = schur_inverse(G[:, vertices])
+        weight = 1.0 / (noise**2 * self.size)
+        # min over e of 2 weight eᵀ G⁻¹ e + ‖d − e‖² / ε² is 2 weight dᵀ (G + 2 weight ε² I)⁻¹ d.
+        softness = 2.0 * weight * error**2 * np.eye(len(vertices))
+        inverse = schur_inverse(G[:, vertices] + softness)
         # Stiffness of the surface against moving the handles.
         stiffness = inverse[:-1, :-1]
         goals = targets - self.space.poisson.centroid
-        control = HandleConstraints(
-            self, vertices, G, stiffness, goals, 1.0 / (noise**2 * self.size)
-        )
+        control = HandleConstraints(self, vertices, G, stiffness, goals, weight)
         d = goals - self._shapes[:, vertices]
         energy = 2.0 * np.einsum("nha,hg,nga->n", d, stiffness, d) + self._misfits
         white = np.linalg.solve(self.factor, (self._starts - self.prior.mean).T).T
@@ -121,8 +127,8 @@ class DataDrivenDeformation:
         d = best.distances
         p = best.p + np.einsum("vh,ha->va", G.T, stiffness @ d) + inverse[-1, :-1] @ d
         p = p @ log_to_rotation(best.x[-3:]).T + self.space.poisson.centroid
-        # Removes rounding errors, so that handles are exact.
-        p[vertices] = targets
+        if error == 0:
+            p[vertices] = targets  # removes rounding errors
         return p
 
 

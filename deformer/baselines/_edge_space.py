@@ -150,8 +150,9 @@ class EdgeDeformation:
 
         ‖f(p) − f(w)‖² / (σ² E) + (w − μ)ᵀ Σ⁻¹ (w − μ)      where p_h = q_h
 
-    by damped Gauss–Newton on both together; rigid motions are free. It starts from the training
-    shapes that, rigidly aligned to the targets, need the least energy to reach them.
+    (Σ_h ‖p_h − q_h‖² / ε² in place of the constraint, for targets with errors ε) by damped
+    Gauss–Newton on both together; rigid motions are free. It starts from the training shapes that,
+    rigidly aligned to the targets, need the least energy to reach them.
 
     Args:
         space: components, and features of weights.
@@ -171,14 +172,18 @@ class EdgeDeformation:
         # Derivative (K, 2E) of the features with respect to the whitened weights.
         self.slopes = self.factor.T @ space.flat
 
-    def fit(self, vertices: IntArray, targets: FloatArray, noise: float) -> FloatArray:
-        """Vertices (V, 3) of the fitted mesh, with the handles exactly at their targets.
+    def fit(
+        self, vertices: IntArray, targets: FloatArray, noise: float, error: float = 0.0
+    ) -> FloatArray:
+        """Vertices (V, 3) of the fitted mesh.
 
         Args:
             vertices: (H,) int64 handles, all different, H ≥ 1.
             targets: (H, 3) positions.
             noise: σ, the root mean square residual of an edge's feature that adds as much energy as
                 one standard deviation of the prior; no unit.
+            error: ε, standard deviation of the targets' coordinates, in the data's units; with 0
+                the handles are exactly at their targets.
         """
         poisson = self.space.poisson
         green = poisson.green_rows(vertices)
@@ -191,14 +196,14 @@ class EdgeDeformation:
             correction = inverse[:-1, :-1] @ d
             moved.append(aligned + green.T @ correction + inverse[-1, :-1] @ d)
             energy.append(float(np.vdot(correction, d)))
-        fixed = np.zeros(self.space.shell.reference.vertices.size, dtype=bool)
-        fixed.reshape(-1, 3)[vertices] = True
+        goals, pull = np.zeros(self.examples.shape[1:]), np.zeros(self.examples.shape[1:])
+        goals[vertices], pull[vertices] = targets, np.inf if error == 0 else error**-2
         weight = 1.0 / (noise**2 * len(self.space.base))
         found = []
         for n in np.argsort(energy, kind="stable")[:_STARTS]:
             p = moved[n]
             p[vertices] = targets
-            start = FitIterate(self, np.flatnonzero(~fixed), weight, p, self.white[n])
+            start = FitIterate(self, goals.ravel(), pull.ravel(), weight, p, self.white[n])
             found.append(_descend_handle_fit(start, _FIRST_STEPS))
         best = min(found, key=lambda point: point.energy)
         return _descend_handle_fit(best, _HANDLE_STEPS).p
@@ -210,18 +215,22 @@ class FitIterate:
 
     Args:
         deformation: components, prior and training shapes.
-        free: (n,) int64 indices into the 3V coordinates, of those that are not handles'.
+        goals: (3V,) targets of the handles' coordinates.
+        pull: (3V,) weights of the squared distances from them: infinite for coordinates that stay
+            where they are, 0 for those of no handle.
         weight: 1 / (σ² E) of the energy of `EdgeDeformation`.
         p: (V, 3) positions.
         y: (K,) whitened weights, w = μ + L y.
 
     Attributes:
+        free: (n,) int64 indices of the coordinates that may move.
         residual: (2E,) features of p minus features of w.
         energy: value of the energy of `EdgeDeformation`.
     """
 
     deformation: EdgeDeformation
-    free: IntArray
+    goals: FloatArray
+    pull: FloatArray
     weight: float
     p: FloatArray
     y: FloatArray
@@ -231,8 +240,15 @@ class FitIterate:
         w = deformation.prior.mean + deformation.factor @ self.y
         space = deformation.space
         self.residual = space.shell.difference(self.p, space.features(w)).ravel()
+        self.free = np.flatnonzero(np.isfinite(self.pull))
         self.energy = float(self.weight * (self.residual**2).sum() + (self.y**2).sum())
+        pull, away = self._pulled()
+        self.energy += float(pull @ away**2)
         self._normal: tuple[sparse.csr_array, FloatArray, FloatArray, FloatArray] | None = None
+
+    def _pulled(self) -> tuple[FloatArray, FloatArray]:
+        """Weights (n,) of the free coordinates' squared distances from their goals; these (n,)."""
+        return self.pull[self.free], self.p.ravel()[self.free] - self.goals[self.free]
 
     def step(self, damping: float) -> FloatArray:
         """Damped step of the free coordinates, then of y, as one vector."""
@@ -260,16 +276,18 @@ class FitIterate:
             slopes = self.deformation.slopes
             J, H = self.deformation.space.shell.normal_matrix(self.p)
             J = sparse.csc_array(J)[:, self.free]
-            rhs_p = -(J.T @ self.residual)
+            pull, away = self._pulled()
+            rhs_p = -(J.T @ self.residual) - pull * away / self.weight
             rhs_y = slopes @ self.residual - self.y / self.weight
-            self._normal = H[self.free][:, self.free], -(J.T @ slopes.T), rhs_p, rhs_y
+            H = H[self.free][:, self.free] + sparse.diags_array(pull / self.weight)
+            self._normal = sparse.csr_array(H), -(J.T @ slopes.T), rhs_p, rhs_y
         return self._normal
 
     def moved(self, step: FloatArray) -> FitIterate:
         p = self.p.copy()
         p.reshape(-1)[self.free] += step[: len(self.free)]
         y = self.y + step[len(self.free) :]
-        return FitIterate(self.deformation, self.free, self.weight, p, y)
+        return FitIterate(self.deformation, self.goals, self.pull, self.weight, p, y)
 
 
 def _descend_handle_fit(start: FitIterate, steps: int) -> FitIterate:

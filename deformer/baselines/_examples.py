@@ -32,10 +32,13 @@ class Bending(ABC):
         self._prepared: dict[int, object] = {}
         return self
 
-    def fit_handles(self, vertices: ArrayLike, targets: ArrayLike) -> FloatArray:
+    def fit_handles(
+        self, vertices: ArrayLike, targets: ArrayLike, noise: float = 0.0
+    ) -> FloatArray:
         """Vertices (V, 3) of the deformed mesh, with vertices (H,) exactly at targets (H, 3).
 
-        Factors of the last control vertices are cached.
+        `noise` is ignored: the method has no prior that it could be weighed against. Factors of the
+        last control vertices are cached.
 
         Raises:
             InputError: a connected component of the mesh has no control vertex.

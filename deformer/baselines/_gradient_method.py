@@ -94,11 +94,14 @@ class GradientMethod(ABC):
         space = self.learned().space
         return space.decode(checked_codes(codes, len(space.components)))
 
-    def fit_handles(self, vertices: ArrayLike, targets: ArrayLike) -> FloatArray:
-        """The mesh (V, 3) with vertices (H,) exactly at targets (H, 3)."""
+    def fit_handles(
+        self, vertices: ArrayLike, targets: ArrayLike, noise: float = 0.0
+    ) -> FloatArray:
+        """The mesh (V, 3) with vertices (H,) at targets (H, 3), exactly if these have no noise."""
         deformation = self.learned()
-        index, goals = checked_handles(vertices, targets, len(deformation.space.base))
-        return deformation.fit(index, goals, self.chosen_noise)
+        V = len(deformation.space.base)
+        index, goals, error = checked_handles(vertices, targets, V, noise)
+        return deformation.fit(index, goals, self.chosen_noise, error)
 
 
 class GradientSplocsMethod(GradientMethod):

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from deformer.baselines._checks import checked_codes, checked_handles, checked_shapes
 from deformer.baselines.method import Space
-from deformer.editing import HandleSolver
+from deformer.editing import HandleSolver, target_noise
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, MeshSequence
 from deformer.model import DeformationModel
@@ -45,6 +45,7 @@ class Autoencoder:
         self.config, self.epochs, self.device, self.hard = config, epochs, device, hard
         self._model = model
         self._solver: HandleSolver | None = None
+        self._noise = 0.0
 
     @property
     def model(self) -> DeformationModel:
@@ -78,12 +79,19 @@ class Autoencoder:
         """Shapes (N, V, 3) of codes (N, K), centroids at the reference's."""
         return self.model.decode(checked_codes(codes, self.model.components))
 
-    def fit_handles(self, vertices: ArrayLike, targets: ArrayLike) -> FloatArray:
-        """Most likely mesh (V, 3) when vertices (H,) are known to be at targets (H, 3)."""
-        index, goals = checked_handles(vertices, targets, len(self.model.reference.vertices))
-        if self._solver is None:
-            self._solver = HandleSolver(self.model)
-        self._solver.set_handles(index, goals, hard=self.hard)
+    def fit_handles(
+        self, vertices: ArrayLike, targets: ArrayLike, noise: float = 0.0
+    ) -> FloatArray:
+        """Most likely mesh (V, 3) when vertices (H,) are known to be at targets (H, 3).
+
+        Handles with noise are soft, whatever `hard` is, with the noise of `target_noise`.
+        """
+        V = len(self.model.reference.vertices)
+        index, goals, noise = checked_handles(vertices, targets, V, noise)
+        if self._solver is None or noise != self._noise:
+            used = target_noise(self.model, noise) if noise else None
+            self._solver, self._noise = HandleSolver(self.model, noise=used), noise
+        self._solver.set_handles(index, goals, hard=self.hard and not noise)
         return np.asarray(self._solver.solve().vertices, dtype=np.float64)
 
     def _checked(self, vertices: ArrayLike) -> FloatArray:

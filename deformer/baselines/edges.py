@@ -156,11 +156,14 @@ class EdgeSplocs:
             p[n] = (space.decode(row[:-3]) - centre) @ log_to_rotation(row[-3:]).T + centre
         return p
 
-    def fit_handles(self, vertices: ArrayLike, targets: ArrayLike) -> FloatArray:
-        """The mesh (V, 3) with vertices (H,) exactly at targets (H, 3)."""
+    def fit_handles(
+        self, vertices: ArrayLike, targets: ArrayLike, noise: float = 0.0
+    ) -> FloatArray:
+        """The mesh (V, 3) with vertices (H,) at targets (H, 3), exactly if these have no noise."""
         deformation = self.learned()
         V = len(deformation.space.shell.reference.vertices)
-        return deformation.fit(*checked_handles(vertices, targets, V), self.chosen_noise)
+        index, goals, error = checked_handles(vertices, targets, V, noise)
+        return deformation.fit(index, goals, self.chosen_noise, error)
 
     def learned(self) -> EdgeDeformation:
         """The deformation that `fit` has learned; InputError before `fit`."""

@@ -33,8 +33,17 @@ class PosingMethod(Protocol):
         """
         ...
 
-    def fit_handles(self, vertices: ArrayLike, targets: ArrayLike) -> FloatArray:
-        """Most likely mesh (V, 3) when vertices (H,) are known to be at targets (H, 3)."""
+    def fit_handles(
+        self, vertices: ArrayLike, targets: ArrayLike, noise: float = 0.0
+    ) -> FloatArray:
+        """Most likely mesh (V, 3) when vertices (H,) are known to be at targets (H, 3).
+
+        Args:
+            vertices: (H,) indices.
+            targets: (H, 3) positions.
+            noise: standard deviation of each of the targets' coordinates, in the data's units; 0 if
+                they are exact. Methods that can only have the handles at the targets ignore it.
+        """
         ...
 
 

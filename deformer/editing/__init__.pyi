@@ -13,6 +13,7 @@ from .handle_layout import (
 from .handles import (
     Handle as Handle,
     Pose as Pose,
+    target_noise as target_noise,
 )
 from .orientations import (
     local_rotations as local_rotations,

@@ -14,7 +14,9 @@ from deformer.checks import (
     as_array,
     checked_array,
     checked_choice,
+    checked_flag,
     checked_indices,
+    checked_instance,
     checked_integer,
     checked_number,
     rounded,
@@ -38,6 +40,8 @@ Point = int | SurfacePoint
 
 # Targets farther away, in bounding diagonals, would overflow in single precision.
 FARTHEST = 1e10
+# Least noise of a sequence, in bounding diagonals: with less the descent over all frames stalls.
+LEAST_SEQUENCE_NOISE = 0.007
 
 
 @dataclass(frozen=True)
@@ -141,6 +145,31 @@ def check_target(
             f"{name} {target.tolist()} is {rounded(away)} bounding diagonals away from the model, "
             f"expected at most {FARTHEST:g}; check its units"
         )
+
+
+def target_noise(model: DeformationModel, deviation: float, *, sequence: bool = False) -> float:
+    """Noise for `HandleSolver` and `fit_sequence` where targets have errors of a known size.
+
+    Soft handles miss their targets by two errors that do not depend on each other: the targets' own
+    one, and that of the model, for which its `handle_noise` was chosen. Their variances add up.
+
+    Args:
+        model: the model.
+        deviation: standard deviation of each of the targets' coordinates, in the data's units.
+        sequence: true for `fit_sequence`, which needs a noise of at least `LEAST_SEQUENCE_NOISE`.
+
+    Returns:
+        σ, in bounding diagonals of the model's reference.
+
+    Raises:
+        InputError: a deviation that is not a finite number above 0.
+    """
+    checked_instance(model, "model", DeformationModel, remedy="load it with load_model")
+    checked_number(deviation, "deviation", above=0, most=LARGEST)
+    checked_flag(sequence, "sequence")
+    own = max(model.handle_noise, LEAST_SEQUENCE_NOISE if sequence else 0.0)
+    found = float(np.hypot(own, deviation / model.reference.bounding_diagonal))
+    return checked_number(found, "deviation: its share of the bounding diagonal", most=LARGEST)
 
 
 def check_points(model: DeformationModel, vertices: ArrayLike | Sequence[Point]) -> list[Point]:

@@ -22,7 +22,7 @@ from deformer.checks import (
 )
 from deformer.editing.batch_numba import Frames, NumbaFrames
 from deformer.editing.green_functions import HandleBasis
-from deformer.editing.handles import Kind, Point, Pose
+from deformer.editing.handles import LEAST_SEQUENCE_NOISE, Kind, Point, Pose
 from deformer.editing.sequence_energy import SequenceEnergy
 from deformer.editing.solver import HandleSolver
 from deformer.editing.tracks import Tracks, checked_tracks
@@ -36,8 +36,8 @@ from deformer.model import DeformationModel
 # the next window.
 _WINDOW = 512
 _AHEAD = 32
-# Frames whose automatic noise decides that of a sequence, and its least value.
-_NOISE_FRAMES, _LEAST_NOISE = 3, 0.007
+# Frames whose automatic noise decides that of a sequence.
+_NOISE_FRAMES = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,15 +189,15 @@ def _first_guess(solver: HandleSolver, tracks: Tracks) -> FloatArray:
 
 
 def _noise(solver: HandleSolver, tracks: Tracks) -> float:
-    """Noise of a sequence: the median of a few frames' automatic noises, or `_LEAST_NOISE`."""
+    """Noise of a sequence: the median of a few frames' automatic noises, or the least one."""
     seen = np.flatnonzero((tracks.weights > 0).any(axis=1))
     if not len(seen):
-        return _LEAST_NOISE
+        return LEAST_SEQUENCE_NOISE
     noises = []
     for frame in np.unique(seen[np.linspace(0, len(seen) - 1, _NOISE_FRAMES).astype(int)]):
         _solve_frame(solver, tracks, int(frame))
         noises.append(solver.energy.noise)
-    return max(_LEAST_NOISE, float(np.median(noises)))
+    return max(LEAST_SEQUENCE_NOISE, float(np.median(noises)))
 
 
 def _solve_frame(solver: HandleSolver, tracks: Tracks, frame: int) -> Pose:

@@ -192,13 +192,13 @@ class _TrainedMethod:
         else:
             vertices = np.array(measurement.layout, dtype=np.int64)
         targets = data.test[:, vertices]
-        if measurement.noise:
-            spread = measurement.noise * data.reference.bounding_diagonal
+        noise = measurement.noise * data.reference.bounding_diagonal
+        if noise:
             rng = np.random.default_rng(measurement.seed)
-            targets = targets + rng.normal(scale=spread, size=targets.shape)
+            targets = targets + rng.normal(scale=noise, size=targets.shape)
         faces = data.train.faces
         errors = protocols.sparse_control(
-            self.method, data.test, vertices, faces, source.ordered, targets
+            self.method, data.test, vertices, faces, source.ordered, targets, noise
         )
         return {0: errors}
 

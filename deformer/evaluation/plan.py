@@ -40,7 +40,7 @@ NOISE = (0.005, 0.01, 0.02)
 # Number of control points of the example meshes that pictures show.
 EXAMPLE_COUNT = 20
 # To be incremented whenever the same options give other result rows than before.
-_VERSION = 5
+_VERSION = 6
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,7 @@ class Measurement:
         count: number of control points; for kinds without control points, number K of components.
         seed: seed that the rows name; it also draws the first control point.
         noise: standard deviation of the noise that is added to each coordinate of the control
-            points, in bounding diagonals of the reference.
+            points, in bounding diagonals of the reference; the method is told it.
         layout: the control vertices, or the training of the network that chooses them; None for
             Voronoi sampling.
     """

@@ -68,6 +68,7 @@ def sparse_control(
     faces: IntArray,
     ordered: bool = False,
     targets: FloatArray | None = None,
+    noise: float = 0.0,
 ) -> Errors:
     """Errors of whole shapes that a method recovers from a few control vertices alone.
 
@@ -80,6 +81,8 @@ def sparse_control(
         faces: (F, 3) int64, for STED.
         ordered: true when the shapes are frames in order.
         targets: (N, H, 3) positions given to the method; None gives the true ones.
+        noise: standard deviation of their coordinates, in the data's units, which the method is
+            told.
 
     Returns:
         E_rms and STED over the shapes on which the method succeeded, the number of "failures", and
@@ -94,7 +97,7 @@ def sparse_control(
     first: Exception | None = None
     for n, target in enumerate(goals):
         try:
-            pose = method.fit_handles(vertices, target.copy())
+            pose = method.fit_handles(vertices, target.copy(), noise)
             poses.append(_checked(method, np.asarray(pose)[None], shapes[n][None])[0])
         # A method may raise anything: the failure is counted, and the run continues.
         except Exception as error:

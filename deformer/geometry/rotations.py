@@ -351,24 +351,24 @@ def procrustes(
     """Rigid motion that best maps points onto points: minimises Σ w ‖R source + t − target‖².
 
     Args:
-        source: (n, 3) points.
-        target: (n, 3) points.
+        source: (..., n, 3) points.
+        target: (..., n, 3) points.
         weights: (n,) positive weights, or None for equal ones.
 
     Returns:
-        R (3, 3), a proper rotation, and t (3,). If the points do not determine R (one point,
-        points on a line), the result is one of the minimisers.
+        R (..., 3, 3), proper rotations, and t (..., 3). If the points do not determine R (one
+        point, points on a line), the result is one of the minimisers.
     """
     a = np.asarray(source, dtype=np.float64)
     b = np.asarray(target, dtype=np.float64)
-    w = np.ones(len(a)) if weights is None else np.asarray(weights, dtype=np.float64)
+    w = np.ones(a.shape[-2]) if weights is None else np.asarray(weights, dtype=np.float64)
     w = w / w.sum()
     centre_a, centre_b = w @ a, w @ b
-    covariance = (b - centre_b).T @ ((a - centre_a) * w[:, None])
-    if not covariance.any():
-        return np.eye(3), centre_b - centre_a
-    R = closest_rotations(covariance)
-    return R, centre_b - R @ centre_a
+    away_a, away_b = a - centre_a[..., None, :], b - centre_b[..., None, :]
+    covariance = np.swapaxes(away_b, -1, -2) @ (away_a * w[:, None])
+    undetermined = ~covariance.any(axis=(-1, -2), keepdims=True)
+    R = closest_rotations(np.where(undetermined, np.eye(3), covariance))
+    return R, centre_b - (R @ centre_a[..., None])[..., 0]
 
 
 def align(vertices: FloatArray, target: FloatArray) -> FloatArray:

@@ -121,10 +121,13 @@ class HandleFile:
     Args:
         frames: the handles of every frame; one frame for a single pose.
         is_sequence: true if the file has frames, false if it has a single pose.
+        noise: standard deviation of each of the positions' coordinates, in the units of the mesh;
+            None if the file does not tell it.
     """
 
     frames: tuple[tuple[HandleTarget, ...], ...]
     is_sequence: bool
+    noise: float | None = None
 
 
 def load_handles(path: PathLike, vertex_count: int, faces: IntArray | None = None) -> HandleFile:
@@ -137,7 +140,8 @@ def load_handles(path: PathLike, vertex_count: int, faces: IntArray | None = Non
             normal), "weight", "kind" ("soft", "exact" or "pin"), "orientation" (of the surface
             relative to the reference: a unit quaternion [w, x, y, z], a rotation matrix by rows,
             or null) and "orientation_weight". A handle whose position is null, or three nulls, is
-            not seen, and left out; a frame may be empty.
+            not seen, and left out; a frame may be empty. Beside "handles" or "frames" there may be
+            "noise", the standard deviation of all positions' coordinates.
         vertex_count: number of vertices of the mesh.
         faces: (F, 3) its faces; None refuses points of faces.
 
@@ -163,7 +167,8 @@ def load_handles(path: PathLike, vertex_count: int, faces: IntArray | None = Non
         raise InputError(
             f"{where}: no handle has a position, expected at least one handle that does; add one"
         )
-    return HandleFile(found, is_sequence)
+    noise = data["noise"].number(above=0, most=LARGEST) if "noise" in data else None
+    return HandleFile(found, is_sequence, noise)
 
 
 def _frame(handles: JsonValue, vertex_count: int, faces: IntArray) -> tuple[HandleTarget, ...]:

@@ -16,6 +16,7 @@ from deformer.baselines.acap import AcapSplocs
 from deformer.baselines.autoencoder import Autoencoder
 from deformer.baselines.gradients import GradientSplocs
 from deformer.baselines.linear_components import LinearComponents
+from deformer.editing import HandleSolver, target_noise
 from deformer.editing.arap import schur_inverse
 from deformer.errors import InputError
 from deformer.geometry.geodesics import Geodesics
@@ -181,6 +182,40 @@ def test_handles_are_met_exactly(method):
 
 
 @pytest.mark.parametrize("method", METHODS)
+def test_targets_with_errors_draw_the_handles_as_springs_do(method):
+    """The positions that are eliminated minimise the strain and the springs together."""
+    shape, error = sequence().vertices[4], 0.05
+    targets = shape[HANDLES] + [[0.3, 0, 0], [0, 0.2, 0], [0, 0, 0], [0, 0, -0.1]]
+    own = learned(method)
+    exact, soft = (own.fit_handles(HANDLES, targets, s) for s in (0.0, error))
+    assert 0.01 < np.abs(soft[HANDLES] - targets).max() < 0.4
+    # Ever smaller errors end in the constraint, and ever larger ones in no handles at all.
+    near = own.fit_handles(HANDLES, targets, 1e-6)
+    np.testing.assert_allclose(near, exact, atol=1e-3)
+    # No other positions of less strain and distance: a descent by differences finds none.
+    deformation = own.learned()
+    vertices, goals = np.array(HANDLES), targets - deformation.space.poisson.centroid
+    weight = 1.0 / (own.chosen_noise**2 * deformation.size)
+    G = deformation.green(vertices)
+    softness = 2.0 * weight * error**2 * np.eye(4)
+    inverse = schur_inverse(G[:, vertices] + softness)
+    control = HandleConstraints(deformation, vertices, G, inverse[:-1, :-1], goals, weight)
+    fit = FitIterate(control, np.zeros(len(deformation.factor) + 3))
+    load = control.stiffness @ fit.distances
+    p = fit.p + G.T @ load + inverse[-1, :-1] @ fit.distances
+    T = features_to_gradients(deformation.space.features(fit.w))
+
+    def total(p):
+        return weight * _strain(p, T) + ((p[vertices] - goals) ** 2).sum() / error**2
+
+    least = total(p)
+    np.testing.assert_allclose(least, fit.energy - (fit.x**2 * fit.ridge).sum(), rtol=1e-9)
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        assert total(p + 1e-3 * rng.normal(size=p.shape)) > least
+
+
+@pytest.mark.parametrize("method", METHODS)
 def test_a_moved_example_is_found_from_its_handles(method):
     shape = sequence().vertices[5]
     moved = shape @ random_rotation(np.random.default_rng(3), 0.25).T + [0.5, -1.0, 2.0]
@@ -336,6 +371,18 @@ def test_the_autoencoder_is_the_model():
     np.testing.assert_array_equal(own.fit_handles(HANDLES, targets)[HANDLES], targets)
     soft = Autoencoder(model, hard=False).fit_handles(HANDLES, targets + 0.2 * np.eye(4)[:, :3])
     assert not np.array_equal(soft[HANDLES], targets)
+
+
+def test_the_autoencoder_weighs_targets_by_their_noise():
+    """As a solver with soft handles and `target_noise`; without noise they are exact again."""
+    model, shapes = small_model(), sequence()
+    own, noise = Autoencoder(model), 0.2
+    targets = shapes.vertices[4][HANDLES]
+    exact = own.fit_handles(HANDLES, targets)
+    solver = HandleSolver(model, noise=target_noise(model, noise))
+    solver.set_handles(HANDLES, targets)
+    np.testing.assert_array_equal(own.fit_handles(HANDLES, targets, noise), solver.solve().vertices)
+    np.testing.assert_array_equal(own.fit_handles(HANDLES, targets), exact)
 
 
 @pytest.mark.slow

@@ -5,14 +5,16 @@ import pytest
 from numpy.testing import assert_allclose
 
 from deformer import InputError, MeshSequence, e_rms
+from deformer.baselines._linear_basis import _RIDGES, HandleRegression, Penalty
 from deformer.baselines._structured_norm import StructuredNorm, structured_norm
 from deformer.baselines.clustered_pca import ClusteredPCA, segment
 from deformer.baselines.pca import PCA
 from deformer.baselines.splocs import SPLOCS
 from deformer.baselines.structured_factors import StructuredFactors, factorise, split
+from deformer.geometry import align, log_to_rotation
 from deformer.geometry.geodesics import Geodesics
 from deformer.geometry.sampling import farthest_points
-from shapes import icosphere, sequence, tube
+from shapes import icosphere, random_rotation, sequence, tube
 
 FACTORS = pytest.param(StructuredFactors, marks=pytest.mark.slow)
 METHODS = [PCA, ClusteredPCA, SPLOCS, FACTORS]
@@ -137,13 +139,76 @@ def test_a_few_handles_give_the_conditional_mean_of_a_gaussian():
     assert_allclose(pose.ravel(), expected, atol=1e-6)
 
 
+def tumbling(count=24):
+    """The shapes of `bumps`, each turned and moved at random: the place tells nothing of a code."""
+    shapes, fields, _ = bumps(count)
+    rng = np.random.default_rng(11)
+    moved = [p @ random_rotation(rng).T + 3.0 * rng.normal(size=3) for p in shapes.vertices]
+    return MeshSequence(np.stack(moved), shapes.faces), fields
+
+
+def test_the_body_is_placed_freely_where_its_place_says_nothing():
+    shapes, fields = tumbling()
+    method = PCA().fit(shapes, 3)
+    handles = farthest_points(Geodesics(shapes.mesh(0)), 40, 0)
+    assert method.choice(handles).free
+    rng = np.random.default_rng(5)
+    shape = bumps()[0].vertices[0] + np.tensordot(rng.uniform(-1, 1, 3), fields, 1)
+    shape = shape @ random_rotation(rng).T + [5.0, -2.0, 1.0]
+    pose = method.fit_handles(handles, shape[handles])
+    # The training shapes are aligned to the first one, from which they differ a little.
+    assert e_rms(shape, pose, "none") < 0.1 * e_rms(shape, shapes.vertices[0], "rigid")
+
+
+def test_the_place_is_learned_where_the_code_tells_it():
+    """Each shape turns by an angle that is one of its codes."""
+    shapes, _, codes = bumps()
+    turns = log_to_rotation(codes[:, :1] * [[0.0, 0.0, 1.0]])
+    shapes = MeshSequence(shapes.vertices @ np.swapaxes(turns, 1, 2), shapes.faces)
+    assert not PCA().fit(shapes, 8).choice(np.array([3, 200, 402])).free
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_errors_of_candidates_are_those_of_their_shapes(free):
+    """The inner products of all vertices give what decoding each candidate gives."""
+    shapes = tumbling()[0] if free else low_rank()
+    V = align(shapes.vertices, shapes.vertices[0]) if free else shapes.vertices
+    basis = PCA().fit(MeshSequence(V[4:], shapes.faces), 5).basis
+    regression = HandleRegression(basis, V[4:], shapes.vertices[:4], free)
+    handles = np.arange(0, 160, 21)
+    found = regression.errors(handles, 0.1, 0.0)
+    targets = shapes.vertices[:4, handles]
+    expected = []
+    for ridge in _RIDGES:
+        placed = regression.fit(handles, targets, Penalty(0.1, 0.0, 0.0), np.array([ridge]))
+        expected.append(((regression.decode(placed.first()) - shapes.vertices[:4]) ** 2).sum())
+    assert_allclose(found, expected, rtol=1e-6, atol=1e-9 * max(expected))
+
+
+@pytest.mark.parametrize("Rival", [PCA, ClusteredPCA])
+def test_noise_that_is_told_is_not_followed(Rival):
+    """Handles that are known to be off count for less, and the mesh comes closer to the truth."""
+    shapes, fields, _ = bumps()
+    rng = np.random.default_rng(5)
+    unseen = shapes.vertices[0] + np.tensordot(rng.uniform(-1, 1, (6, 3)), fields, 1)
+    method = Rival().fit(shapes, 9)
+    handles = farthest_points(Geodesics(shapes.mesh(0)), 20, 0)
+    given = unseen[:, handles] + 0.1 * rng.normal(size=(6, 20, 3))
+    errors = [
+        e_rms(unseen, np.stack([method.fit_handles(handles, q, s) for q in given]), "none")
+        for s in (0.0, 0.1)
+    ]
+    assert errors[1] < 0.95 * errors[0]
+    assert method.choice(handles, 0.1).penalty.ridge > method.choice(handles).penalty.ridge
+
+
 def test_the_ridge_grows_with_what_the_training_shapes_do_not_explain():
     clean = low_rank(rank=3, count=16)
     noise = np.random.default_rng(0).normal(size=clean.vertices.shape)
     noisy = MeshSequence(clean.vertices + 0.1 * noise, clean.faces)
     handles = np.arange(0, 60, 3)
     # As many components as there are: shapes left out must be unknown to the basis, too.
-    ridges = [PCA().fit(s, 15).penalty(handles).ridge for s in (clean, noisy)]
+    ridges = [PCA().fit(s, 15).choice(handles).penalty.ridge for s in (clean, noisy)]
     assert ridges[0] < 1e-6 < 1e-3 < ridges[1]
 
 
@@ -350,6 +415,7 @@ def fitted():
         (lambda: fitted().fit_handles([3, 4, 3], np.zeros((3, 3))), "vertex 3 is given twice"),
         (lambda: fitted().fit_handles([3, 4], np.zeros((2, 2))), r"\(2, 3\), got shape \(2, 2\)"),
         (lambda: fitted().fit_handles([3], [[0, np.nan, 0]]), "finite positions"),
+        (lambda: fitted().fit_handles([3], [[0, 0, 0]], -1.0), "noise: expected a finite number"),
     ],
 )
 def test_bad_input_gives_one_line(call, message):

@@ -1,10 +1,12 @@
 """Truths of handles as values: what they may be made of, and what is refused by name."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from deformer import Handle, HandleSolver, InputError, SurfacePoint
-from shapes import small_model
+from deformer import Handle, HandleSolver, InputError, SurfacePoint, e_rms, target_noise
+from shapes import sequence, small_model
 
 
 def test_numbers_of_numpy_become_plain_ones():
@@ -42,3 +44,30 @@ def test_kinds_that_are_none_are_refused(kinds):
     solver = HandleSolver(small_model())
     with pytest.raises(InputError, match=r"^kinds: expected one of soft, exact, pin, got"):
         solver.set_handles([3], [[0, 0, 0]], kinds=kinds)
+
+
+def test_variances_of_targets_and_model_add_up():
+    model = replace(small_model(), handle_noise=0.003)
+    diagonal = model.reference.bounding_diagonal
+    assert target_noise(model, 0.004 * diagonal) == pytest.approx(0.005)
+    assert target_noise(model, 1e-9 * diagonal) == pytest.approx(0.003)
+    assert target_noise(model, 0.024 * diagonal, sequence=True) == pytest.approx(0.025)
+    for deviation in (0, -1.0, np.nan, np.inf, "1", None, True, 1e30):
+        with pytest.raises(InputError, match=r"^deviation: expected a finite number above 0"):
+            target_noise(model, deviation)
+
+
+def test_handles_that_are_told_their_noise_come_closer_to_the_truth():
+    model, shapes = small_model(), sequence().vertices[2:10]
+    handles = np.arange(0, 120, 6)
+    deviation = 0.03 * model.reference.bounding_diagonal
+    targets = shapes[:, handles]
+    targets = targets + deviation * np.random.default_rng(0).normal(size=targets.shape)
+    errors = {}
+    for hard, noise in ((True, None), (False, target_noise(model, deviation))):
+        solver, found = HandleSolver(model, noise=noise), []
+        for goals in targets:
+            solver.set_handles(handles, goals, hard=hard)
+            found.append(solver.solve().vertices)
+        errors[hard] = e_rms(shapes, np.stack(found), "none")
+    assert errors[False] < 0.7 * errors[True]

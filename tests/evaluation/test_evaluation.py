@@ -51,7 +51,7 @@ class TinyPCA:
     def decode(self, codes):
         return (codes @ self.basis + self.mean).reshape(len(codes), -1, 3)
 
-    def fit_handles(self, vertices, targets):
+    def fit_handles(self, vertices, targets, noise=0.0):
         rows = (3 * np.asarray(vertices)[:, None] + np.arange(3)).ravel()
         code = np.linalg.lstsq(self.basis[:, rows].T, np.ravel(targets) - self.mean[rows])[0]
         return self.decode(code[None])[0]
@@ -143,9 +143,9 @@ class Spy(TinyPCA):
         Spy.trained.append(shapes.vertices.copy())
         return super().fit(shapes, components, seed)
 
-    def fit_handles(self, vertices, targets):
+    def fit_handles(self, vertices, targets, noise=0.0):
         Spy.targets.append(np.array(targets))
-        return super().fit_handles(vertices, targets)
+        return super().fit_handles(vertices, targets, noise)
 
 
 @pytest.mark.parametrize("align", [False, True])
@@ -400,17 +400,41 @@ def test_what_fails_is_a_row_with_its_reason(tmp_path, source, monkeypatch, tiny
     assert {row["method"] for row in rows if row["metric"] == FAILURE} == {"untrainable"}
 
 
+def test_a_method_is_told_the_noise_of_its_control_points(source, tmp_path, monkeypatch):
+    """In the data's units; it is the deviation of what was added to the true positions."""
+    told = {}
+
+    class Told(TinyPCA):
+        name = "told"
+
+        def fit_handles(self, vertices, targets, noise=0.0):
+            told.setdefault(noise, []).append(np.array(targets))
+            return super().fit_handles(vertices, targets, noise)
+
+    monkeypatch.setitem(METHODS, "told", Told)
+    one = study(source, "told", protocols=("noise",), counts=(40,), pictures=False)
+    evaluate([one], tmp_path)
+    split = random_split(source.count, 0)
+    test = limit_test_shapes(split.test, one.tests, source.ordered)
+    data = load_split(source, split, test, 0.0, 0)
+    diagonal = data.reference.bounding_diagonal
+    assert sorted(told) == pytest.approx([0.0, *(diagonal * n for n in plan_module.NOISE)])
+    exact = data.test[:, data.control_vertices(40, 0)]
+    for noise in sorted(told)[1:]:
+        assert (np.stack(told[noise]) - exact).std() == pytest.approx(noise, rel=0.1)
+
+
 def test_failures_on_single_shapes_are_counted():
     shapes, calls = bending_bar(6), []
 
     class Moody(TinyPCA):
-        def fit_handles(self, vertices, targets):
+        def fit_handles(self, vertices, targets, noise=0.0):
             calls.append(1)
             if len(calls) == 2:
                 return np.full((226, 3), np.nan)
             if len(calls) == 4:
                 raise ValueError("too hard")
-            return super().fit_handles(vertices, targets)
+            return super().fit_handles(vertices, targets, noise)
 
     method = Moody().fit(shapes, 5)
     vertices = np.array([0, 50, 100, 150, 225])

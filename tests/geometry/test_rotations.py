@@ -354,3 +354,17 @@ def test_what_is_no_rotation(value, part):
             checked_rotations(values, "turns", shape)
         text = str(caught.value)
         assert part in text and text.startswith("turns") and "\n" not in text
+
+
+def test_procrustes_of_many_sets_is_that_of_each():
+    rng = np.random.default_rng(4)
+    a, b = rng.normal(size=(5, 1, 7, 3)), rng.normal(size=(3, 7, 3))
+    b[1] = 0.0  # one point: any rotation is best, and the identity is taken
+    R, t = procrustes(a, b)
+    assert R.shape == (5, 3, 3, 3) and t.shape == (5, 3, 3)
+    for n in range(5):
+        for m in range(3):
+            each = procrustes(a[n, 0], b[m])
+            np.testing.assert_allclose(R[n, m], each[0], atol=1e-12)
+            np.testing.assert_allclose(t[n, m], each[1], atol=1e-12)
+    np.testing.assert_allclose(R[:, 1], np.tile(np.eye(3), (5, 1, 1)), atol=1e-12)

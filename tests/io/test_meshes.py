@@ -809,6 +809,8 @@ def test_handles(tmp_path):
     first = io.HandleTarget(4, (1.0, 2.5, -3.0), 1.0)
     second = io.HandleTarget(0, (0.0, 0.0, 0.0), 2.0)
     assert io.load_handles(path, 5) == io.HandleFile(((first, second),), False)
+    path = write(tmp_path / "h.json", json.dumps({"handles": [one, two], "noise": 0.01}))
+    assert io.load_handles(path, 5) == io.HandleFile(((first, second),), False, 0.01)
     path = write(tmp_path / "h.json", json.dumps({"frames": [[one], [two, one]]}))
     assert io.load_handles(path, 5) == io.HandleFile(((first,), (second, first)), True)
 
@@ -831,6 +833,10 @@ HANDLE = '{"vertex": 1, "position": [0, 0, 0]}'
         ("{}", ["'handles' or 'frames'"]),
         (f'{{"handles": [{HANDLE}], "frames": [[{HANDLE}]]}}', ["'handles' or 'frames'"]),
         ('{"handles": []}', ["handles", "no handle has a position"]),
+        *(
+            (f'{{"handles": [{HANDLE}], "noise": {noise}}}', ["noise: expected a finite number"])
+            for noise in ("0", "-1", "NaN", "null", '"1"', "true", "[1]")
+        ),
         ('{"frames": [[], [{"vertex": 1, "position": null}]]}', ["frames", "no handle has"]),
         ('{"handles": {}}', ["a list"]),
         ('{"frames": []}', ["list of frames"]),

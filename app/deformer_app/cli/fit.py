@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -35,12 +36,28 @@ def check_output(path: Path, is_sequence: bool) -> None:
     io.check_shapes_output(path) if is_sequence else io.check_output_file(path)
 
 
+def chosen_noise(option: float | None, handles: io.HandleFile) -> float | None:
+    """Standard deviation of positions: the option's, else the file's; None if neither tells it."""
+    if option is None:
+        return handles.noise
+    if not 0 < option < math.inf:
+        raise deformer.InputError(
+            f"--noise: expected a finite number above 0, got {option}; leave it out for exact "
+            "positions"
+        )
+    return option
+
+
 def pose(
-    model: DeformationModel, handles: io.HandleFile, hard: bool
+    model: DeformationModel, handles: io.HandleFile, hard: bool, noise: float | None
 ) -> tuple[NDArray, dict[str, Any]]:
-    """Vertices (V, 3) of a pose fitted to the first frame's handles, and the fit's record."""
+    """Vertices (V, 3) of a pose fitted to the first frame's handles, and the fit's record.
+
+    `noise` is the standard deviation of the positions' coordinates, if it is known.
+    """
     frame = handles.frames[0]
-    solver = deformer.HandleSolver(model)
+    used = None if noise is None else deformer.target_noise(model, noise)
+    solver = deformer.HandleSolver(model, noise=used)
     solver.set_handles(
         [handle.vertex for handle in frame],
         [handle.position for handle in frame],
@@ -78,12 +95,17 @@ def sequence(
     handles: io.HandleFile,
     *,
     hard: bool,
+    noise: float | None,
     smoothness: float,
     device: str,
     backend: str | None,
     progress: Callable[[int, int], None],
 ) -> tuple[NDArray, dict[str, Any]]:
-    """Vertices (F, V, 3) fitted to the handles of F frames, and the fit's record with `frames`."""
+    """Vertices (F, V, 3) fitted to the handles of F frames, and the fit's record with `frames`.
+
+    `noise` as in `pose`.
+    """
+    used = None if noise is None else deformer.target_noise(model, noise, sequence=True)
     points, targets, weights, exact, turns, turn_weights = _tracks(handles)
     begun = time.perf_counter()
     found = deformer.fit_sequence(
@@ -95,6 +117,7 @@ def sequence(
         orientations=turns,
         orientation_weights=turn_weights,
         smoothness=smoothness,
+        noise=used,
         device=device,
         backend=backend,
         on_progress=progress,

@@ -274,7 +274,8 @@ def fit(
             help='JSON {"handles": \\[{"vertex": 17, "position": \\[x, y, z]}, …]}, or {"frames": '
             '\\[\\[…handles…], …]} for a sequence. Optional: "weight"; "kind", "soft", "exact" or '
             '"pin"; "face" with "barycentric" in place of "vertex"; "offset" along the normal; '
-            '"orientation" \\[w, x, y, z], of the surface relative to the reference.',
+            '"orientation" \\[w, x, y, z], of the surface relative to the reference. Beside them '
+            '"noise", as --noise.',
             show_default=False,
         ),
     ] = None,
@@ -288,6 +289,13 @@ def fit(
     hard: Annotated[
         bool, typer.Option("--hard", help="Meet every handle exactly, and not just closely.")
     ] = False,
+    noise: Annotated[
+        float | None,
+        typer.Option(
+            help="Standard deviation of the positions' coordinates, in their units: soft handles "
+            "are met as closely as that tells.  \\[default: what HANDLES says, or exact positions]",
+        ),
+    ] = None,
     smoothness: Annotated[
         float,
         typer.Option(min=0, help="Of sequences: weight of accelerations; 0 fits frame by frame."),
@@ -310,6 +318,9 @@ def fit(
     from deformer_app.cli import fit as fitting
 
     refuse_inputs(output, model, handles, session)
+    if noise is not None and (hard or session is not None):
+        other = "--hard, which meets every handle exactly" if hard else "--session"
+        raise deformer.InputError(f"--noise: got it with {other}; give one of them")
     if session is not None:
         _fit_session(session, model, handles, output, as_json)
         return
@@ -321,12 +332,14 @@ def fit(
     reference = loaded.reference
     file = io.load_handles(handles, len(reference.vertices), reference.faces)
     fitting.check_output(output, file.is_sequence)
+    noise = fitting.chosen_noise(noise, file)
     if file.is_sequence:
         with io.locked(output), console.progress("fitting") as report:
             vertices, result = fitting.sequence(
                 loaded,
                 file,
                 hard=hard,
+                noise=noise,
                 smoothness=smoothness,
                 device=device,
                 backend=backend,
@@ -334,7 +347,7 @@ def fit(
             )
             fitting.save(output, loaded.reference.faces, vertices)
     else:
-        vertices, result = fitting.pose(loaded, file, hard)
+        vertices, result = fitting.pose(loaded, file, hard, noise)
         fitting.save(output, loaded.reference.faces, vertices)
     if as_json:
         warning = fitting.unit_warning(loaded, file)

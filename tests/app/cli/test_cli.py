@@ -197,6 +197,37 @@ def test_fit_of_a_sequence_passes_its_options_on(run_json, model_path, tmp_path)
     assert jitter[100] < 0.7 * jitter[0]
 
 
+@pytest.mark.parametrize("sequence", [False, True], ids=["pose", "sequence"])
+def test_fit_is_told_the_noise(run_json, model_path, tmp_path, sequence):
+    """By the option or by the file; the option counts where both tell it."""
+    model, noise = deformer.load_model(model_path), 0.2
+    rng = np.random.default_rng(0)
+    given = {v: p + noise * rng.normal(size=3) for v, p in frame_of(3).items()}
+    handles = write_handles(tmp_path / "handles.json", [given] * (3 if sequence else 1), sequence)
+    output = tmp_path / ("poses.npz" if sequence else "pose.obj")
+    plain = run_json("fit", model_path, handles, "-o", output)
+    said = run_json("fit", model_path, handles, "-o", output, "--noise", noise)
+    used = deformer.target_noise(model, noise, sequence=sequence)
+    vertices, targets = list(given), list(given.values())
+    if sequence:
+        expected = deformer.fit_sequence(model, vertices, [targets] * 3, noise=used).z[1]
+    else:
+        solver = deformer.HandleSolver(model, noise=used)
+        solver.set_handles(vertices, targets)
+        expected = solver.solve().z
+    assert (said["frames"][1] if sequence else said)["z"] == pytest.approx(expected.tolist())
+    assert said["max_residual"] > 1.05 * plain["max_residual"]
+
+    file = json.loads(handles.read_text())
+    handles.write_text(json.dumps({**file, "noise": noise}))
+    assert run_json("fit", model_path, handles, "-o", output)["max_residual"] == pytest.approx(
+        said["max_residual"]
+    )
+    handles.write_text(json.dumps({**file, "noise": 1e-6}))
+    again = run_json("fit", model_path, handles, "-o", output, "--noise", noise)
+    assert again["max_residual"] == pytest.approx(said["max_residual"])
+
+
 def test_fit_bridges_markers_that_are_not_seen(run_json, model_path, tmp_path):
     """A null position, a missing handle and an empty frame are all those of weight 0."""
     vertices, shapes = [0, 60, 100, 225], bending_bar().vertices[:6]
@@ -409,6 +440,10 @@ def test_mistakes_are_one_line(refuse, shapes_path, model_path, tmp_path):
     poses = tmp_path / "poses.npz"
     assert "--smoothness" in refuse("fit", model_path, many, "-o", poses, "--smoothness", "-1")
     assert "smoothness" in refuse("fit", model_path, many, "-o", poses, "--smoothness", "nan")
+    for noise in ("0", "-1", "nan", "inf"):
+        assert "--noise" in refuse("fit", model_path, good, "-o", out, "--noise", noise)
+    both = refuse("fit", model_path, good, "-o", out, "--noise", "0.1", "--hard")
+    assert "--noise: got it with --hard" in both
     assert "abacus" in refuse("fit", model_path, many, "-o", poses, "--device", "abacus")
     assert "numba, torch" in refuse("fit", model_path, many, "-o", poses, "--backend", "abacus")
     assert not poses.exists()
@@ -482,6 +517,8 @@ def test_fit_of_a_session_with_the_model_elsewhere(run_json, session_path, model
 def test_mistakes_with_sessions(refuse, session_path, model_path, tmp_path):
     out = tmp_path / "pose.ply"
     assert "--session" in refuse("fit", "-o", out)
+    noisy = refuse("fit", "--session", session_path, "-o", out, "--noise", "0.1")
+    assert "--noise: got it with --session" in noisy
     assert "HANDLES" in refuse("fit", model_path, "-o", out)
     assert "another model" in refuse("fit", "humanoid", "--session", session_path, "-o", out)
     assert "both" in refuse("fit", model_path, session_path, "--session", session_path, "-o", out)
