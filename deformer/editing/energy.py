@@ -37,7 +37,7 @@ _LIKELY = 0.5
 
 @dataclass(frozen=True, eq=False)
 class HandleEnergy:
-    """Σ_h w_h ‖Q (p_h(z) + c(z)) + t − q_h‖² / (σ D)² + ‖y‖² + ‖b(z)‖² + m(ω, t).
+    """Σ_h ‖Q (p_h(z) + c(z)) + t − q_h‖² / (σ²/w_h + τ²) D² + ‖y‖² + ‖b(z)‖² + m(ω, t).
 
     p_h(z) are handle positions relative to the shape's centroid, c(z) is the centroid of shapes of
     the code (`RigidPrior.centroid`), Q = exp(ω), and b(z) is the bending beyond that of every
@@ -61,6 +61,7 @@ class HandleEnergy:
         freedom: factor on the standard deviations S; None is the minimum above.
         rigid_term: index of the only term of the minimum that counts, 0 or 1; None is the minimum.
         limits: limits of bends; None for models without.
+        misfit: τ, standard deviation of the model's own error at a handle, in bounding diagonals.
     """
 
     prior: LatentPrior
@@ -75,6 +76,7 @@ class HandleEnergy:
     freedom: float | None = None
     rigid_term: int | None = None
     limits: BendLimits | None = None
+    misfit: float = 0.0
 
     @classmethod
     def of_model(cls, model: DeformationModel, noise: float, rigid: bool) -> HandleEnergy:
@@ -90,6 +92,7 @@ class HandleEnergy:
             weights=np.zeros(0),
             rigid_prior=model.rigid_prior,
             limits=model.bend_limits,
+            misfit=model.handle_misfit,
         )
 
     def by_rigid_term(self) -> list[HandleEnergy]:
@@ -177,8 +180,8 @@ class HandleEnergy:
     def noise_within_reach(self, x: FloatArray, p: FloatArray, least: float) -> float:
         """Noise with which targets out of reach leave the code a likely one.
 
-        σ² changes by min(Σ_h w_h ‖p_h − q_h‖² / (3 H σ² D²), ‖y‖² / (K / 2)): it grows while both
-        the handles are farther from their targets than σ and the code is unlikely.
+        σ² + τ² changes by min(Σ_h ‖p_h − q_h‖² / (3 H (σ²/w_h + τ²) D²), ‖y‖² / (K / 2)): it grows
+        while both the handles are farther from their targets than that and the code is unlikely.
 
         Args:
             x: (K+6,) unknowns of the minimum of this energy.
@@ -187,7 +190,8 @@ class HandleEnergy:
         """
         reach = (self._misfit(x, p) ** 2).sum() / max(3 * len(p), 1)
         likely = np.square(Unknowns(x).code).sum() / (_LIKELY * self.components)
-        return max(least, self.noise * float(np.sqrt(min(reach, likely))))
+        variance = (self.noise**2 + self.misfit**2) * min(reach, likely) - self.misfit**2
+        return max(least, float(np.sqrt(max(variance, 0.0))))
 
     def excess_bending(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Bending b beyond that of every example, and its derivative ∂b/∂y.
@@ -272,11 +276,19 @@ class HandleEnergy:
         ]
         return terms if self.rigid_term is None else [terms[self.rigid_term]]
 
-    def _row_weights(self) -> FloatArray:
-        return np.sqrt(self.weights) / (self.noise * self.diagonal)
+    def row_weights(self, weights: FloatArray) -> FloatArray:
+        """Factors on the distances from targets, one for each of the handles' weights."""
+        return np.sqrt(weights / (self.noise**2 + weights * self.misfit**2)) / self.diagonal
+
+    def reached(self, weights: FloatArray) -> FloatArray:
+        """Shares of the misfit that are the model's error, one for each of the handles' weights.
+
+        The expectation, given the misfit of a handle: τ² / (σ²/w + τ²). The rest is the target's.
+        """
+        return weights * self.misfit**2 / (self.noise**2 + weights * self.misfit**2)
 
     def _misfit(self, x: FloatArray, p: FloatArray) -> FloatArray:
-        return self._row_weights()[:, None] * (self.move(x, p) - self.targets)
+        return self.row_weights(self.weights)[:, None] * (self.move(x, p) - self.targets)
 
     def normal_equations(self, x: FloatArray, here: Evaluation) -> tuple[FloatArray, FloatArray]:
         """Gauss–Newton matrix (n, n) and half the gradient (n,) of the n active unknowns.
@@ -308,7 +320,7 @@ class HandleEnergy:
 
     def _jacobian(self, x: FloatArray, p: FloatArray, dp: FloatArray) -> FloatArray:
         """Derivative (3H, K+6) of the weighted misfit."""
-        J = self.tangents(x, p, dp) * self._row_weights()[:, None, None]
+        J = self.tangents(x, p, dp) * self.row_weights(self.weights)[:, None, None]
         return J.reshape(3 * len(p), self.size)
 
     def tangents(self, x: FloatArray, p: FloatArray, dp: FloatArray) -> FloatArray:

@@ -157,8 +157,13 @@ def fit_sequence(
             part = slice(start, stop)
             Q, centroids = log_to_rotation(Unknowns(X[part]).rotation), energy.centroids(X[part])
             z = energy.codes(X[part])
-            wanted = rows.targets[part], rows.exact[part]
-            batch.shapes(z, Q, centroids, *wanted, relaxation, out[part])
+            reached, reaching = rows.targets[part], rows.exact[part]
+            if energy.misfit:
+                # As in `HandleSolver`: the shape deforms by what is left of soft handles, too.
+                at = batch.by_all(z) @ Q.transpose(0, 2, 1) + centroids[:, None]
+                share = np.where(reaching, 1.0, energy.reached(rows.weights[part]))[..., None]
+                reached, reaching = at + share * (reached - at), rows.weights[part] > 0
+            batch.shapes(z, Q, centroids, reached, reaching, relaxation, out[part])
             if on_progress is not None:
                 on_progress(stop, F)
     places = SurfacePoints(tracks.points, model.reference.faces).at(out)

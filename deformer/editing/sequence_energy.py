@@ -79,7 +79,7 @@ class SequenceEnergy:
         """Store the handles, and the weights of the prior in each frame."""
         self.function, self.backend = energy, backend
         self._targets, self._weights = targets, weights
-        self._row_weights = np.sqrt(weights) / (energy.noise * energy.diagonal)
+        self._row_weights = energy.row_weights(weights)
         self._smoothness = smoothness
         self.active = energy.active
         self._seen: Boolean = np.asarray((weights > 0).any(axis=1))

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from deformer.checks import (
     LARGEST,
@@ -36,7 +36,7 @@ from deformer.editing.search import CodeSearch, State
 from deformer.editing.units import unit_warning
 from deformer.editing.unknowns import Unknowns
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, RowPoint, SurfacePoint, SurfacePoints
+from deformer.geometry import FloatArray, IntArray, RowPoint, SurfacePoint, SurfacePoints
 from deformer.linalg import CORES, one_blas_thread
 from deformer.model import DeformationModel
 
@@ -69,7 +69,9 @@ class HandleSolver:
 
     Damped Gauss–Newton minimises Σ_h w_h ‖Q p_h(z) + t − q_h‖² / (σ D)² + (z−μ)ᵀ Σ⁻¹ (z−μ), with D
     the reference's bounding diagonal, plus terms for the rigid motion and for parts that bend more
-    than in any example (`HandleEnergy`). Handle positions are linear in the deformation gradients,
+    than in any example (`HandleEnergy`). A model of few examples has an error of its own, its
+    `handle_misfit`: the code is then trusted less, and the shape deforms as rigidly as possible by
+    the misfit that is left. Handle positions are linear in the deformation gradients,
     with one Green's function a handle, which is kept as long as the handle exists; no matrix is
     factored when handles are added, moved or removed.
 
@@ -113,6 +115,8 @@ class HandleSolver:
         self._search = CodeSearch(energy, self.basis, model.codes)
         self._exact = self.basis.exact_handles([])
         self._exact_points: list[RowPoint] = []
+        self._exact_index: IntArray = np.zeros(0, dtype=np.int64)
+        self._hard: NDArray[np.bool_] = np.zeros(0, dtype=bool)
         self._warning: str | None = None
         self._handles: list[Handle] = []
         self.set_prior(noise=used, freedom=freedom)
@@ -376,8 +380,11 @@ class HandleSolver:
         if points:
             targets /= weights[:, None]
         self._search.set_targets(targets, weights)
-        self._exact_targets = targets[hard]
-        exact = [points[n] for n in np.flatnonzero(hard)]
+        self._hard = hard
+        # A model with an error of its own deforms its shape by the misfit of soft handles, too.
+        reaching = hard | (self.energy.misfit > 0)
+        self._exact_index = np.flatnonzero(reaching)
+        exact = [points[n] for n in self._exact_index]
         if exact != self._exact_points:
             self._exact_points, self._exact = exact, self.basis.set_exact(exact)
             if len(exact) == 0:
@@ -427,7 +434,16 @@ class HandleSolver:
         """Positions (V, 3) of a state by the present rotations, exact handles at their targets."""
         self._search.decode(state)
         motion = self.energy.rigid_motion(state.x)
-        return self._exact.solve(self._surface, *motion, self._exact_targets)
+        return self._exact.solve(self._surface, *motion, self._goals(state)[self._exact_index])
+
+    def _goals(self, state: State) -> FloatArray:
+        """Where the shape of a state deforms to: exact handles to their targets, soft ones near."""
+        energy = self.energy
+        if self._hard.all() or not energy.misfit:
+            return energy.targets
+        share = np.where(self._hard, 1.0, energy.reached(energy.weights))[:, None]
+        at = energy.move(state.x, state.p)
+        return at + share * (energy.targets - at)
 
     def _pose(self, state: State, steps: int, vertices: FloatArray) -> Pose:
         energy, x = self.energy, Unknowns(state.x)

@@ -57,6 +57,8 @@ class DeformationModel:
         handle_noise: σ of handle fits (`HandleSolver`), in bounding diagonals.
         bend_limits: range of the bends between neighbouring parts in the training shapes; None if
             unknown.
+        handle_misfit: τ of handle fits, the model's own error at a handle, in bounding diagonals;
+            0 for a model that has learned enough to be trusted with every target.
 
     Raises:
         InputError: parts that do not fit each other, or names that `check_names` rejects.
@@ -74,6 +76,7 @@ class DeformationModel:
     component_names: dict[int, str] = field(default_factory=dict)
     handle_noise: float = 0.007
     bend_limits: BendLimits | None = None
+    handle_misfit: float = 0.0
 
     def __post_init__(self) -> None:
         """Check that the parts fit each other, and the names."""
@@ -107,6 +110,7 @@ class DeformationModel:
         if not len(checked_array(self.codes, "codes", ("N", K), largest=LARGEST)):
             raise InputError("codes: expected those of at least one training shape; retrain")
         checked_number(self.handle_noise, "handle_noise", above=0, most=LARGEST)
+        checked_number(self.handle_misfit, "handle_misfit", least=0, most=LARGEST)
         checked = check_names(self.component_names, self.components)
         object.__setattr__(self, "component_names", checked)
 

@@ -6,7 +6,14 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from deformer.geometry import FloatArray, Geodesics, IntArray, MeshSequence, farthest_points
+from deformer.geometry import (
+    FloatArray,
+    Geodesics,
+    IntArray,
+    MeshSequence,
+    farthest_points,
+    sted_spatial,
+)
 
 # (vertices (H,), targets (H, 3), noises, the largest first) → positions (V, 3) for every noise.
 HandleFit = Callable[[IntArray, FloatArray, Sequence[float]], Iterable[FloatArray]]
@@ -15,6 +22,9 @@ TrainOnSubset = Callable[[IntArray], HandleFit]
 
 _HELD_OUT = 3
 _CONTROL_COUNTS = (10, 40)
+# With fewer shapes than this, single ones are held out in turn, at most so many.
+MANY, _MOST_TURNS = 12, 5
+_MISFIT_COUNTS = (5, 20)
 
 
 def choose_noise(
@@ -63,7 +73,7 @@ def held_out_errors(
     count = _held_out_count(N)
     if count == 0:
         return None
-    held_out: IntArray = 1 + (np.arange(count) * (N - 1)) // count + (N - 1) // (2 * count)
+    held_out: IntArray = 1 + _spread(N - 1, count)
     fit = train(np.setdiff1d(np.arange(N), held_out))
     errors = np.zeros(len(noises))
     for control_count in _CONTROL_COUNTS:
@@ -74,6 +84,70 @@ def held_out_errors(
             squares += [((pose - shape) ** 2).mean() / count for pose in poses]
         errors += 0.5 * np.log(np.maximum(squares, np.finfo(float).tiny)) / len(_CONTROL_COUNTS)
     return errors[::-1]
+
+
+def held_out_turns(shape_count: int) -> list[IntArray]:
+    """Indices of the shapes that `misfit_errors` holds out in each turn.
+
+    Three shapes spread over the training shapes; of fewer than 12 a single one each turn, since
+    what is left must come near to all of them.
+    """
+    others = np.arange(1, shape_count)
+    if shape_count >= MANY:
+        return [others[_spread(shape_count - 1, _HELD_OUT)]]
+    if len(others) < 2:
+        return []
+    return [others[[n]] for n in _spread(len(others), min(len(others), _MOST_TURNS))]
+
+
+def misfit_errors(
+    train: TrainOnSubset,
+    shapes: MeshSequence,
+    geodesics: Geodesics,
+    noises: Sequence[float],
+) -> FloatArray | None:
+    """Errors of held-out shapes in position and in stretch, by noise.
+
+    As `held_out_errors`, but with the shapes of `held_out_turns`, from 5 and 20 control vertices
+    which differ between turns.
+
+    Args:
+        train, shapes, geodesics, noises: as there.
+
+    Returns:
+        (M,) means of the logarithms of the root mean square error and of the edges' deviation
+        (`geometry.sted_spatial`); None for fewer than 3 shapes.
+    """
+    N, V = shapes.vertices.shape[:2]
+    turns = held_out_turns(N)
+    if not turns:
+        return None
+    found = []
+    for turn, held_out in enumerate(turns):
+        fit = train(np.setdiff1d(np.arange(N), held_out))
+        for count in _MISFIT_COUNTS:
+            control = farthest_points(geodesics, min(count, V), turn)
+            for shape in shapes.vertices[held_out]:
+                poses = fit(control, shape[control], noises[::-1])
+                found.append([_log_errors(shape, pose, shapes.faces) for pose in poses])
+    return np.array(found).mean(axis=(0, 2))[::-1]
+
+
+def misfit_fits(shape_count: int) -> int:
+    """Number of handle fits of `misfit_errors` for every noise, with `shape_count` shapes."""
+    return len(_MISFIT_COUNTS) * sum(map(len, held_out_turns(shape_count)))
+
+
+def _log_errors(shape: FloatArray, pose: FloatArray, faces: IntArray) -> tuple[float, float]:
+    square = float(((pose - shape) ** 2).mean())
+    stretch = sted_spatial(shape, pose, faces)
+    tiny = np.finfo(float).tiny
+    return 0.5 * float(np.log(max(square, tiny))), float(np.log(max(stretch, tiny)))
+
+
+def _spread(count: int, chosen: int) -> IntArray:
+    """Indices (chosen,) spread over 0 … count − 1."""
+    return (np.arange(chosen) * count) // chosen + count // (2 * chosen)
 
 
 def held_out_fits(shape_count: int) -> int:

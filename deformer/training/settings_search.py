@@ -1,4 +1,4 @@
-"""Choice of λ₁ and of the handle noise by cross-validation."""
+"""Choice of λ₁, the handle noise and the model's own misfit by cross-validation."""
 
 from __future__ import annotations
 
@@ -12,13 +12,29 @@ from deformer.editing import HandleSolver
 from deformer.geometry import FloatArray, IntArray
 from deformer.network import ModelConfig
 from deformer.training.checkpoints import Stages
-from deformer.training.cross_validation import HandleFit, held_out_errors, held_out_fits
+from deformer.training.cross_validation import (
+    MANY,
+    HandleFit,
+    held_out_errors,
+    held_out_fits,
+    held_out_turns,
+    misfit_errors,
+    misfit_fits,
+)
 from deformer.training.loop import ProgressCallback, TrainingProgress
 from deformer.training.training_set import TrainingSet
 
 # Candidate noises of handle fits, in bounding diagonals. Smaller ones recover more from many
 # handles, but sometimes lead to a wrong pose with fewer handles than cross-validation tries.
 HANDLE_NOISES = (0.0005, 0.001, 0.002, 0.004, 0.008)
+# Key of the misfits' errors among the trials.
+_MISFIT = "misfit"
+# Candidate misfits of the model itself, in bounding diagonals; the one of two shapes, of which none
+# can be held out; the share by which errors must fall for another misfit than 0; and the rounds of
+# rigid relaxation of its fits, and of those for the noise.
+HANDLE_MISFITS = (0.0, 0.0125, 0.025, 0.05, 0.1, 0.2, 0.4)
+_UNKNOWN_MISFIT, _MISFIT_GAIN, _MISFIT_RELAXATION = 0.05, 0.03, 10
+_RELAXATION = 60
 # Candidate values of λ₁, the sparsest components first.
 SPARSITIES = (2.0, 0.2, 0.02)
 # Greatest number of rounds of a trial's factorisation.
@@ -29,10 +45,13 @@ _LEAST_GAIN = 0.15
 
 
 class SettingsSearch:
-    """Chooses λ₁, if the configuration leaves it open, and the noise of handle fits.
+    """Chooses λ₁, if the configuration leaves it open, and noise and misfit of handle fits.
 
     Shorter trainings on most examples are tested on the others. Sets with few examples for their
     degrees of freedom need sparser components: the largest λ₁ that is nearly the best is chosen.
+    Models of few examples come nearer to other shapes if the code is trusted less: the misfit is
+    chosen by examples left out one by one, or is 0 if there are many examples and a noise below the
+    largest is best.
 
     Args:
         examples: the training set.
@@ -58,21 +77,52 @@ class SettingsSearch:
         self._total = len(self._sparsities) * (self._epochs + fits)
         self._done = 0
 
-    def run(self) -> tuple[ModelConfig, float]:
-        """The configuration with its λ₁, and the handle noise in bounding diagonals.
+    def run(self) -> tuple[ModelConfig, float, float]:
+        """The configuration with its λ₁, and handle noise and misfit in bounding diagonals.
 
         Raises:
             KeyboardInterrupt: Ctrl-C; the finished trials are kept.
         """
         measured = {sparsity: found for sparsity, found in self._all_errors() if found.size}
-        if not measured:
-            return self._config.with_training(sparsity=self._sparsities[0]), HANDLE_NOISES[-1]
-        least = min(found.min() for found in measured.values())
-        sparsity, found = next(
-            entry for entry in measured.items() if entry[1].min() <= least + _LEAST_GAIN
-        )
-        noise = HANDLE_NOISES[int(found.argmin())]
-        return self._config.with_training(sparsity=sparsity), noise
+        sparsity, noise = self._sparsities[0], HANDLE_NOISES[-1]
+        if measured:
+            least = min(found.min() for found in measured.values())
+            sparsity, found = next(
+                entry for entry in measured.items() if entry[1].min() <= least + _LEAST_GAIN
+            )
+            noise = HANDLE_NOISES[int(found.argmin())]
+        return self._config.with_training(sparsity=sparsity), noise, self._misfit(sparsity, noise)
+
+    def _misfit(self, sparsity: float, noise: float) -> float:
+        """The best misfit, or 0 if that is nearly as good."""
+        N = len(self._examples.shapes)
+        if N >= MANY and noise < HANDLE_NOISES[-1]:
+            return HANDLE_MISFITS[0]
+        trials = self._stages.load("trials") or {}
+        if _MISFIT in trials:
+            found = trials[_MISFIT]
+            lengths = (0,), (len(HANDLE_MISFITS),)
+            where = f"{self._stages.place('trials')}: {_MISFIT}"
+            checked_array(found, where, *lengths, remedy="delete the checkpoint")
+        else:
+            turns = held_out_turns(N)
+            self._total += len(turns) * self._epochs + misfit_fits(N) * len(HANDLE_MISFITS)
+            config = self._config.with_training(sparsity=sparsity, epochs=self._epochs)
+            # Exact handles are fitted alike by noise and misfit.
+            noises = np.hypot(noise, HANDLE_MISFITS).tolist()
+            errors = misfit_errors(
+                partial(self._train, config),
+                self._examples.shapes,
+                self._examples.geodesics,
+                noises,
+            )
+            found = trials[_MISFIT] = np.empty(0) if errors is None else errors
+            self._stages.save("trials", trials)
+        if not found.size:
+            return _UNKNOWN_MISFIT
+        if found[0] <= found.min() + _MISFIT_GAIN:
+            return HANDLE_MISFITS[0]
+        return HANDLE_MISFITS[int(found.argmin())]
 
     def _all_errors(self) -> Iterator[tuple[float, FloatArray]]:
         """Each sparsity with its `_errors`; kept ones are not computed again."""
@@ -98,13 +148,22 @@ class SettingsSearch:
         errors = held_out_errors(train, examples.shapes, examples.geodesics, HANDLE_NOISES, 0)
         return np.empty(0) if errors is None else errors
 
-    def _train(self, config: ModelConfig, indices: IntArray) -> HandleFit:
-        """Handle fits of a model that is trained on the shapes at `indices`."""
+    def _train(
+        self, config: ModelConfig, indices: IntArray, relaxation: int = _RELAXATION
+    ) -> HandleFit:
+        """Handle fits of a model that is trained on the shapes at `indices`.
+
+        Args:
+            config: configuration of the training.
+            indices: (n,) training shapes.
+            relaxation: rounds of rigid relaxation of the fits.
+        """
         examples = self._examples.subset(indices)
         result = examples.train_network(config, on_progress=self._report)
         if result.interrupted:
             raise KeyboardInterrupt
-        solver = HandleSolver(examples.build_model(result.weights, config, {}, {}))
+        model = examples.build_model(result.weights, config, {}, {})
+        solver = HandleSolver(model, relaxation=relaxation)
         return partial(self._poses, solver)
 
     def _poses(

@@ -129,7 +129,7 @@ def train(
     arrays = {"shapes": chosen.vertices, "faces": chosen.faces, "reference": base.vertices}
     identity = {**_identity(settings, seed), "shapes": digest(arrays)}
     stages = Stages(folder, identity)
-    handle_noise = None
+    chosen_handles = {}
     with locked(folder) if folder is not None else nullcontext():
         if folder is not None and not resume:
             check_checkpoint(folder)
@@ -143,7 +143,8 @@ def train(
         with blamed(folder if resume else None):
             if isinstance(settings.training, FactorisationSettings):
                 search = SettingsSearch(examples, settings, stages, on_progress)
-                settings, handle_noise = search.run()
+                settings, noise, misfit = search.run()
+                chosen_handles = {"handle_noise": noise, "handle_misfit": misfit}
             result = examples.train_network(
                 settings,
                 seed=seed,
@@ -172,7 +173,7 @@ def train(
         if settings.align:
             test_shapes = align(test_shapes, examples.reference.vertices)
         summary["test_e_rms"] = e_rms(test_shapes, model.decode(model.encode(test_shapes)))
-    return model if handle_noise is None else replace(model, handle_noise=handle_noise)
+    return replace(model, **chosen_handles)
 
 
 def check_resumable(

@@ -176,10 +176,12 @@ def _trained(shapes, epochs) -> DeformationModel:
     with warnings.catch_warnings():  # of torch, once a process, at the first sparse product
         warnings.simplefilter("ignore")
         # These few clean shapes would ask for components less sparse, and handles much firmer,
-        # than most sets do.
+        # than most sets do, or for less trust in the codes.
         config = replace(PRESETS["default"], components=6)
         config = config.with_training(epochs=epochs, sparsity=2.0)
-        return replace(train(shapes, config=config, device="cpu"), handle_noise=0.007)
+        return replace(
+            train(shapes, config=config, device="cpu"), handle_noise=0.007, handle_misfit=0.0
+        )
 
 
 @cache

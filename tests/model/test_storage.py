@@ -53,6 +53,7 @@ NUMBERS = [
     ("rigid_prior", "rotation"),
     ("rigid_prior", "translation"),
     ("handle_noise",),
+    ("handle_misfit",),
     ("config", "components"),
     ("config", "d_min"),
     ("config", "training", "epochs"),
@@ -73,6 +74,13 @@ def test_damaged_numbers_are_refused(saved, path, value):
         load_model(saved)  # a number like any other
     else:
         refusal(saved, "model.json")
+
+
+def test_a_model_without_a_misfit_has_none(saved):
+    change_description(saved, lambda data: data.pop("handle_misfit"))
+    assert load_model(saved).handle_misfit == 0.0
+    change_description(saved, lambda data: put(data, ("handle_misfit",), 0.25))
+    assert load_model(saved).handle_misfit == 0.25
 
 
 def test_numbers_that_json_does_not_know_are_named(saved):

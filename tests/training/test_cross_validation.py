@@ -11,7 +11,12 @@ from deformer.geometry.geodesics import Geodesics
 from deformer.geometry.sampling import farthest_points
 from deformer.network.config import FactorisationSettings, ModelConfig
 from deformer.training import settings_search
-from deformer.training.cross_validation import held_out_errors
+from deformer.training.cross_validation import (
+    held_out_errors,
+    held_out_turns,
+    misfit_errors,
+    misfit_fits,
+)
 from deformer.training.factorisation import factor
 from shapes import bend, sequence, tube, twist
 
@@ -41,6 +46,91 @@ def test_errors_are_those_of_the_shapes_left_out():
     assert asked == [(count, (0.4, 0.2, 0.1)) for count in (10, 10, 10, 40, 40, 40)]
     few = shapes.subset([0, 1, 2])
     assert held_out_errors(learn, few, Geodesics(few.mesh(0)), noises, 0) is None
+
+
+@pytest.mark.parametrize("count", [3, 4, 6, 11, 12, 40])
+def test_few_shapes_are_left_out_one_by_one(count):
+    turns = held_out_turns(count)
+    left_out = np.concatenate(turns)
+    assert len(set(left_out)) == len(left_out) and 0 < left_out.min() <= left_out.max() < count
+    if count < 12:
+        assert len(turns) == min(count - 1, 5) and {len(turn) for turn in turns} == {1}
+    else:
+        assert len(turns) == 1 and len(left_out) == 3
+    assert held_out_turns(2) == []
+
+
+def test_misfit_errors_are_of_positions_and_of_edges():
+    """A shape that is moved has an error in position alone; scaled edges have none either."""
+    shapes = sequence(5)
+    asked = []
+
+    def learn(kept):
+        (left,) = set(range(5)) - set(kept.tolist())
+
+        def fit(vertices, targets, noises):
+            shape = shapes.vertices[left]
+            assert (shape[vertices] == targets).all()
+            asked.append(len(vertices))
+            return [shape + noise * np.sin(7.0 * shape) for noise in noises]
+
+        return fit
+
+    noises = (1e-4, 2e-4, 4e-4)
+    geodesics = Geodesics(shapes.mesh(0))
+    errors = misfit_errors(learn, shapes, geodesics, noises)
+    assert errors is not None
+    # Both errors are proportional to the deformation while it is small.
+    np.testing.assert_allclose(np.diff(errors), np.log(2.0), rtol=0.01)
+    assert sorted(asked) == [5] * 4 + [20] * 4 and len(asked) == misfit_fits(5)
+    assert misfit_errors(learn, shapes.subset([0, 1]), geodesics, noises) is None
+
+
+@pytest.mark.parametrize(
+    ("errors", "chosen"),
+    [
+        ([-1.0, -1.01, -1.02, -1.01, -1.0, -0.5, 0.0], 0.0),  # better, but not by enough
+        ([-1.0, -1.1, -1.3, -1.31, -1.2, -1.0, 0.0], 0.05),
+        ([0.0, -0.1, -0.2, -0.3, -0.4, -0.5, -0.6], 0.4),
+    ],
+)
+def test_the_misfit_is_the_best_unless_none_is_as_good(errors, chosen, monkeypatch):
+    calls = []
+
+    def scripted(train_on, shapes, geodesics, noises):
+        calls.append(noises)
+        return np.array(errors)
+
+    monkeypatch.setattr(settings_search, "misfit_errors", scripted)
+    model = train(sequence(6), config=QUICK.with_training(sparsity=2.0), device="cpu")
+    assert model.handle_misfit == chosen
+    (noises,) = calls
+    together = np.hypot(model.handle_noise, settings_search.HANDLE_MISFITS)
+    np.testing.assert_allclose(noises, together)
+
+
+@pytest.mark.parametrize(("best", "asked"), [(0, False), (-1, True)])
+def test_many_examples_that_want_a_small_noise_are_trusted(best, asked, monkeypatch):
+    calls = []
+
+    def noise_errors(train_on, shapes, geodesics, noises, seed):
+        errors = np.ones(len(noises))
+        errors[best] = 0.0
+        return errors
+
+    def scripted(train_on, shapes, geodesics, noises):
+        calls.append(noises)
+        return np.arange(len(noises), dtype=float)
+
+    monkeypatch.setattr(settings_search, "held_out_errors", noise_errors)
+    monkeypatch.setattr(settings_search, "misfit_errors", scripted)
+    model = train(sequence(12), config=QUICK.with_training(sparsity=2.0), device="cpu")
+    assert model.handle_misfit == 0.0 and bool(calls) == asked
+
+
+def test_two_shapes_are_trusted_as_little_as_few_are():
+    model = train(sequence(2), config=QUICK.with_training(sparsity=2.0), device="cpu")
+    assert model.handle_misfit > 0
 
 
 @pytest.mark.parametrize(
