@@ -201,16 +201,16 @@ class PoissonSystem:
         loads = self._loads(vertices, weights)
         return np.ascontiguousarray(green - self.screened_factor.solve(loads).T)
 
-    def foundation_rows(self, vertices: ArrayLike) -> FloatArray:
+    def foundation_rows(self, vertices: ArrayLike, weights: ArrayLike | None = None) -> FloatArray:
         """Green's functions (H, V) of a thin plate under tension on an elastic foundation.
 
         K⁻¹ = (L A⁻¹ L + (α + β) L + α β A) / (α − β), and K = (L + β A)⁻¹ − (L + α A)⁻¹: positive
         definite, as the covariance of a smooth field is.
 
         Args:
-            vertices: (H,) the vertices with unit loads.
+            vertices, weights: as in `green_rows`.
         """
-        loads = self._loads(vertices, None)
+        loads = self._loads(vertices, weights)
         near, far = self._foundation_factor.solve(loads), self.screened_factor.solve(loads)
         return np.ascontiguousarray((near - far).T)
 

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from deformer.editing.handle_errors import model_error, whitening
 from deformer.editing.handle_positions import Evaluation, HandlePositions
 from deformer.editing.unknowns import MOTION, Unknowns
 from deformer.geometry import FloatArray, log_to_rotation, right_jacobian
@@ -37,11 +38,12 @@ _LIKELY = 0.5
 
 @dataclass(frozen=True, eq=False)
 class HandleEnergy:
-    """Σ_h ‖Q (p_h(z) + c(z)) + t − q_h‖² / (σ²/w_h + τ²) D² + ‖y‖² + ‖b(z)‖² + m(ω, t).
+    """Σ_h w_h ‖e_h‖² / (σ D)² + ‖y‖² + ‖b(z)‖² + m(ω, t), e_h = Q (p_h(z) + c(z)) + t − q_h.
 
     p_h(z) are handle positions relative to the shape's centroid, c(z) is the centroid of shapes of
     the code (`RigidPrior.centroid`), Q = exp(ω), and b(z) is the bending beyond that of every
-    example (`BendLimits.excess`).
+    example (`BendLimits.excess`). A model with a misfit τ has e ᵀ Σ⁻¹ e in place of the first sum,
+    with the covariance Σ of `handle_errors`.
 
     The rigid motion costs m = min(‖ω‖²/s_ω² + ‖t‖²/s_t², ‖ω‖²/S_ω² + ‖t‖²/S_t² + cost). In the
     first term the standard deviations s are those of the training shapes (`RigidPrior`), in the
@@ -62,6 +64,7 @@ class HandleEnergy:
         rigid_term: index of the only term of the minimum that counts, 0 or 1; None is the minimum.
         limits: limits of bends; None for models without.
         misfit: τ, standard deviation of the model's own error at a handle, in bounding diagonals.
+        correlation: (H, H) correlations of these errors; None if τ is 0.
     """
 
     prior: LatentPrior
@@ -77,6 +80,7 @@ class HandleEnergy:
     rigid_term: int | None = None
     limits: BendLimits | None = None
     misfit: float = 0.0
+    correlation: FloatArray | None = None
 
     @classmethod
     def of_model(cls, model: DeformationModel, noise: float, rigid: bool) -> HandleEnergy:
@@ -180,8 +184,8 @@ class HandleEnergy:
     def noise_within_reach(self, x: FloatArray, p: FloatArray, least: float) -> float:
         """Noise with which targets out of reach leave the code a likely one.
 
-        σ² + τ² changes by min(Σ_h ‖p_h − q_h‖² / (3 H (σ²/w_h + τ²) D²), ‖y‖² / (K / 2)): it grows
-        while both the handles are farther from their targets than that and the code is unlikely.
+        σ² + τ² changes by min(e ᵀ Σ⁻¹ e / (3 H), ‖y‖² / (K / 2)): it grows while both the handles
+        are farther from their targets than the errors of Σ and the code is unlikely.
 
         Args:
             x: (K+6,) unknowns of the minimum of this energy.
@@ -276,19 +280,37 @@ class HandleEnergy:
         ]
         return terms if self.rigid_term is None else [terms[self.rigid_term]]
 
-    def row_weights(self, weights: FloatArray) -> FloatArray:
-        """Factors on the distances from targets, one for each of the handles' weights."""
-        return np.sqrt(weights / (self.noise**2 + weights * self.misfit**2)) / self.diagonal
+    def whitening(self, weights: FloatArray) -> FloatArray:
+        """Factors on the handles' errors, of weights (..., H): (..., H), or matrices (..., H, H).
 
-    def reached(self, weights: FloatArray) -> FloatArray:
-        """Shares of the misfit that are the model's error, one for each of the handles' weights.
-
-        The expectation, given the misfit of a handle: τ² / (σ²/w + τ²). The rest is the target's.
+        They are matrices where the model has an error of its own.
         """
-        return weights * self.misfit**2 / (self.noise**2 + weights * self.misfit**2)
+        if self.correlation is None:
+            return np.sqrt(weights) / (self.noise * self.diagonal)
+        return whitening(weights, self.noise, self.misfit, self.correlation) / self.diagonal
+
+    def model_error(self, weights: FloatArray) -> FloatArray:
+        """Matrices (..., H, H) from the handles' errors to the model's, of weights (..., H).
+
+        Raises:
+            ValueError: the model has no error of its own.
+        """
+        if self.correlation is None:
+            raise ValueError("model_error: the model has no misfit")
+        return model_error(weights, self.noise, self.misfit, self.correlation)
+
+    @cached_property
+    def _whitening(self) -> FloatArray:
+        return self.whitening(self.weights)
+
+    def _whitened(self, errors: FloatArray) -> FloatArray:
+        """Errors of the handles (H, 3), or their derivatives (H, 3, n), in deviations."""
+        if self.correlation is None:
+            return self._whitening.reshape(-1, *(1,) * (errors.ndim - 1)) * errors
+        return np.tensordot(self._whitening, errors, 1)
 
     def _misfit(self, x: FloatArray, p: FloatArray) -> FloatArray:
-        return self.row_weights(self.weights)[:, None] * (self.move(x, p) - self.targets)
+        return self._whitened(self.move(x, p) - self.targets)
 
     def normal_equations(self, x: FloatArray, here: Evaluation) -> tuple[FloatArray, FloatArray]:
         """Gauss–Newton matrix (n, n) and half the gradient (n,) of the n active unknowns.
@@ -320,7 +342,7 @@ class HandleEnergy:
 
     def _jacobian(self, x: FloatArray, p: FloatArray, dp: FloatArray) -> FloatArray:
         """Derivative (3H, K+6) of the weighted misfit."""
-        J = self.tangents(x, p, dp) * self.row_weights(self.weights)[:, None, None]
+        J = self._whitened(self.tangents(x, p, dp))
         return J.reshape(3 * len(p), self.size)
 
     def tangents(self, x: FloatArray, p: FloatArray, dp: FloatArray) -> FloatArray:

@@ -76,6 +76,8 @@ class HandleBasis:
         self._rows: dict[RowPoint, _PointRows] = {}
         # Bending rows of handles that are or were exact, in the user's order and in the surface's.
         self._bending_rows: dict[RowPoint, tuple[FloatArray, NDArray]] = {}
+        # Rows of the model's misfit, of handles for which it was asked.
+        self._misfit_rows: dict[RowPoint, FloatArray] = {}
         self.points: list[RowPoint] = []
         self._exact_positions: DenseHandlePositions | None = None
         self._landmark_positions: HandlePositions | None = None
@@ -102,6 +104,7 @@ class HandleBasis:
         for gone in set(self._rows) - set(points):
             del self._rows[gone]
             self._bending_rows.pop(gone, None)
+            self._misfit_rows.pop(gone, None)
         self.points = list(points)
         self._exact_positions = self._landmark_positions = None
         rows = [self._rows[point] for point in points]
@@ -161,6 +164,22 @@ class HandleBasis:
         rows = np.array(found).reshape(len(found), len(self.model.reference.vertices))
         diagonal = self.model.reference.bounding_diagonal
         return ExactHandles(self._surface_points(points), rows, diagonal)
+
+    def correlation(self) -> FloatArray:
+        """Correlations (H, H) of the model's errors at the handles.
+
+        They are those of a thin plate on an elastic foundation (`PoissonSystem.foundation_rows`).
+        """
+        new = [point for point in self.points if point not in self._misfit_rows]
+        where = self._surface_points(new)
+        rows = self.model.poisson.foundation_rows(where.index, where.weights)
+        self._misfit_rows.update(zip(new, rows, strict=True))
+        where = self._surface_points(self.points)
+        found = np.array([self._misfit_rows[point] for point in self.points])
+        K = np.einsum("hm,ghm->gh", where.weights, found[:, where.index])
+        scale = 1.0 / np.sqrt(np.diag(K))
+        # Rounding makes Green's functions slightly asymmetric.
+        return 0.5 * (K + K.T) * scale[:, None] * scale
 
     def landmark_positions(self) -> HandlePositions:
         """Handle positions by landmarks: fast, with the error of cubature."""

@@ -65,7 +65,7 @@ def uncertainty(solver: HandleSolver) -> Uncertainty:
     flat = Y.reshape(-1, n)
     G = flat.T @ flat
     variance = Y @ Y.transpose(0, 2, 1)
-    (noise,) = energy.row_weights(np.ones(1)) ** -2.0
+    noise = (energy.noise**2 + energy.misfit**2) * energy.diagonal**2
     reduction = np.linalg.solve(variance + noise * np.eye(3), (Y @ G) @ Y.transpose(0, 2, 1))
     total = max(float(np.trace(G)), np.finfo(float).tiny)
     return Uncertainty(

@@ -166,7 +166,9 @@ class CodeSearch:
 
     def set_targets(self, targets: FloatArray, weights: FloatArray) -> None:
         """Set the targets (H, 3) and weights (H,) of the basis's handles."""
-        self.energy = replace(self.energy, targets=targets, weights=weights)
+        given = {"targets": targets, "weights": weights}
+        alike = self._basis.correlation() if self.energy.misfit and len(weights) else None
+        self.energy = replace(self.energy, **given, correlation=alike)
 
     def vertices_changed(self) -> None:
         """Drop what depends on the handle vertices; to be called after the basis's have changed."""

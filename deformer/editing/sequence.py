@@ -8,7 +8,7 @@ in which no handle is seen follows its neighbours: the prior has hardly any weig
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -139,7 +139,8 @@ def fit_sequence(
     rows = tracks.rows(basis.frames)
     basis.set_points(rows.points)
     batch = _backend(basis, device, backend)
-    energy = solver.energy
+    alike = basis.correlation() if solver.energy.misfit else None
+    energy = replace(solver.energy, correlation=alike)
     sequence = SequenceEnergy(energy, batch, rows.targets, rows.weights, smoothness)
     F, V = len(seen), len(model.reference.vertices)
     check_memory(24 * F * V, f"targets: {F} frames of {V} vertices")
@@ -161,8 +162,9 @@ def fit_sequence(
             if energy.misfit:
                 # As in `HandleSolver`: the shape deforms by what is left of soft handles, too.
                 at = batch.by_all(z) @ Q.transpose(0, 2, 1) + centroids[:, None]
-                share = np.where(reaching, 1.0, energy.reached(rows.weights[part]))[..., None]
-                reached, reaching = at + share * (reached - at), rows.weights[part] > 0
+                soft = at + energy.model_error(rows.weights[part]) @ (reached - at)
+                reached = np.where(reaching[..., None], reached, soft)
+                reaching = rows.weights[part] > 0
             batch.shapes(z, Q, centroids, reached, reaching, relaxation, out[part])
             if on_progress is not None:
                 on_progress(stop, F)

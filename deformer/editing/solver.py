@@ -87,6 +87,9 @@ class HandleSolver:
             do, or anywhere at a cost. A number: a factor on standard deviations of 0.3 rad and one
             bounding diagonal. With 1 a single handle moves the whole shape; with 0.01 the shape
             stays about where it is and bends.
+        misfit: τ, the model's own error at handles, in bounding diagonals, which decreases with
+            the distance between them (`handle_errors`). None is the model's `handle_misfit`; 0
+            trusts its codes.
         relaxation: the most rounds of rigid relaxation (a local and a global step) for hard
             handles; 0 is the Schur complement alone.
     """
@@ -98,6 +101,7 @@ class HandleSolver:
         rigid: bool = True,
         noise: float | None = None,
         freedom: float | None = None,
+        misfit: float | None = None,
         relaxation: int = 60,
     ) -> None:
         """Prepare the model's factorisations; handles are set later."""
@@ -105,7 +109,7 @@ class HandleSolver:
         checked_flag(rigid, "rigid")
         checked_integer(relaxation, "relaxation", least=0)
         used = model.handle_noise if noise is None else noise
-        _check_parameters(used, freedom)
+        _check_parameters(used, freedom, misfit)
         compile_kernels(_KERNELS, CORES)
         self.model = model
         self.relaxation = relaxation
@@ -119,7 +123,7 @@ class HandleSolver:
         self._hard: NDArray[np.bool_] = np.zeros(0, dtype=bool)
         self._warning: str | None = None
         self._handles: list[Handle] = []
-        self.set_prior(noise=used, freedom=freedom)
+        self.set_prior(noise=used, freedom=freedom, misfit=misfit)
         self._search.least_noise = used if noise is None else None
         self._places = SurfacePoints([], model.reference.faces)
         self._assign([])
@@ -194,6 +198,7 @@ class HandleSolver:
         mean: ArrayLike | None = None,
         noise: float | None = None,
         freedom: float | None = None,
+        misfit: float | None = None,
     ) -> None:
         """Change the prior's mean and the energy's parameters; arguments of None change nothing.
 
@@ -202,18 +207,20 @@ class HandleSolver:
         Args:
             mean: (K,) latent code that replaces the prior's mean; without handles the pose is that
                 of this code. The covariance does not change.
-            noise, freedom: as in the class.
+            noise, freedom, misfit: as in the class.
 
         Raises:
             InputError: a code of another length or not finite, a number that is not positive.
         """
-        _check_parameters(noise, freedom)
+        _check_parameters(noise, freedom, misfit)
         if noise is not None:
             self._search.least_noise = None
-        given: dict[str, Any] = {"noise": noise, "freedom": freedom}
+        given: dict[str, Any] = {"noise": noise, "freedom": freedom, "misfit": misfit}
         changes = {name: value for name, value in given.items() if value is not None}
         centre = None if mean is None else self._code(mean, "mean")
         self._search.set_prior(replace(self.energy, **changes), centre)
+        if misfit is not None:
+            self._assign(self._handles)
         if noise is not None:
             self.basis.frames.noise = noise
             if any(handle.orientation is not None for handle in self._handles):
@@ -441,9 +448,9 @@ class HandleSolver:
         energy = self.energy
         if self._hard.all() or not energy.misfit:
             return energy.targets
-        share = np.where(self._hard, 1.0, energy.reached(energy.weights))[:, None]
         at = energy.move(state.x, state.p)
-        return at + share * (energy.targets - at)
+        soft = at + energy.model_error(energy.weights) @ (energy.targets - at)
+        return np.where(self._hard[:, None], energy.targets, soft)
 
     def _pose(self, state: State, steps: int, vertices: FloatArray) -> Pose:
         energy, x = self.energy, Unknowns(state.x)
@@ -463,8 +470,10 @@ class HandleSolver:
         )
 
 
-def _check_parameters(noise: float | None, freedom: float | None) -> None:
-    """Raise InputError for a number that is not positive; None is not checked."""
+def _check_parameters(noise: float | None, freedom: float | None, misfit: float | None) -> None:
+    """Raise InputError for a number that is not positive, or 0 or more; None is not checked."""
+    if misfit is not None:
+        checked_number(misfit, "misfit", least=0, most=LARGEST)
     for name, value in (("noise", noise), ("freedom", freedom)):
         if value is not None:
             checked_number(value, name, above=0, most=LARGEST)

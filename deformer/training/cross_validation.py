@@ -15,7 +15,7 @@ from deformer.geometry import (
     sted_spatial,
 )
 
-# (vertices (H,), targets (H, 3), noises, the largest first) → positions (V, 3) for every noise.
+# (vertices (H,), targets (H, 3), noises or misfits, the largest first) → positions (V, 3) for each.
 HandleFit = Callable[[IntArray, FloatArray, Sequence[float]], Iterable[FloatArray]]
 # Indices (n,) of the shapes to train on → handle fits of the model trained on them.
 TrainOnSubset = Callable[[IntArray], HandleFit]
@@ -104,15 +104,16 @@ def misfit_errors(
     train: TrainOnSubset,
     shapes: MeshSequence,
     geodesics: Geodesics,
-    noises: Sequence[float],
+    misfits: Sequence[float],
 ) -> FloatArray | None:
-    """Errors of held-out shapes in position and in stretch, by noise.
+    """Errors of held-out shapes in position and in stretch, by misfit.
 
     As `held_out_errors`, but with the shapes of `held_out_turns`, from 5 and 20 control vertices
     which differ between turns.
 
     Args:
-        train, shapes, geodesics, noises: as there.
+        train, shapes, geodesics: as there.
+        misfits: M candidates, in increasing order, in bounding diagonals.
 
     Returns:
         (M,) means of the logarithms of the root mean square error and of the edges' deviation
@@ -128,13 +129,13 @@ def misfit_errors(
         for count in _MISFIT_COUNTS:
             control = farthest_points(geodesics, min(count, V), turn)
             for shape in shapes.vertices[held_out]:
-                poses = fit(control, shape[control], noises[::-1])
+                poses = fit(control, shape[control], misfits[::-1])
                 found.append([_log_errors(shape, pose, shapes.faces) for pose in poses])
     return np.array(found).mean(axis=(0, 2))[::-1]
 
 
 def misfit_fits(shape_count: int) -> int:
-    """Number of handle fits of `misfit_errors` for every noise, with `shape_count` shapes."""
+    """Number of handle fits of `misfit_errors` for every misfit, with `shape_count` shapes."""
     return len(_MISFIT_COUNTS) * sum(map(len, held_out_turns(shape_count)))
 
 

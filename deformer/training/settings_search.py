@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -31,10 +32,9 @@ HANDLE_NOISES = (0.0005, 0.001, 0.002, 0.004, 0.008)
 _MISFIT = "misfit"
 # Candidate misfits of the model itself, in bounding diagonals; the one of two shapes, of which none
 # can be held out; the share by which errors must fall for another misfit than 0; and the rounds of
-# rigid relaxation of its fits, and of those for the noise.
+# rigid relaxation of its fits.
 HANDLE_MISFITS = (0.0, 0.0125, 0.025, 0.05, 0.1, 0.2, 0.4)
-_UNKNOWN_MISFIT, _MISFIT_GAIN, _MISFIT_RELAXATION = 0.05, 0.03, 10
-_RELAXATION = 60
+_UNKNOWN_MISFIT, _MISFIT_GAIN, _MISFIT_RELAXATION = 0.05, 0.05, 10
 # Candidate values of λ₁, the sparsest components first.
 SPARSITIES = (2.0, 0.2, 0.02)
 # Greatest number of rounds of a trial's factorisation.
@@ -108,13 +108,12 @@ class SettingsSearch:
             turns = held_out_turns(N)
             self._total += len(turns) * self._epochs + misfit_fits(N) * len(HANDLE_MISFITS)
             config = self._config.with_training(sparsity=sparsity, epochs=self._epochs)
-            # Exact handles are fitted alike by noise and misfit.
-            noises = np.hypot(noise, HANDLE_MISFITS).tolist()
+            options = {"noise": noise, "relaxation": _MISFIT_RELAXATION}
             errors = misfit_errors(
-                partial(self._train, config),
+                partial(self._fits, config, options, "misfit"),
                 self._examples.shapes,
                 self._examples.geodesics,
-                noises,
+                HANDLE_MISFITS,
             )
             found = trials[_MISFIT] = np.empty(0) if errors is None else errors
             self._stages.save("trials", trials)
@@ -144,39 +143,44 @@ class SettingsSearch:
         """Logarithms of errors of held-out shapes, by handle noise; empty with too few shapes."""
         config = self._config.with_training(sparsity=sparsity, epochs=self._epochs)
         examples = self._examples
-        train = partial(self._train, config)
-        errors = held_out_errors(train, examples.shapes, examples.geodesics, HANDLE_NOISES, 0)
+        fits = partial(self._fits, config, {}, "noise")
+        errors = held_out_errors(fits, examples.shapes, examples.geodesics, HANDLE_NOISES, 0)
         return np.empty(0) if errors is None else errors
 
-    def _train(
-        self, config: ModelConfig, indices: IntArray, relaxation: int = _RELAXATION
+    def _fits(
+        self, config: ModelConfig, options: dict[str, Any], varied: str, indices: IntArray
     ) -> HandleFit:
-        """Handle fits of a model that is trained on the shapes at `indices`.
+        """Handle fits of a model that is trained on some of the shapes.
 
         Args:
             config: configuration of the training.
+            options: of `HandleSolver`.
+            varied: the parameter of `HandleSolver.set_prior` whose values are tried.
             indices: (n,) training shapes.
-            relaxation: rounds of rigid relaxation of the fits.
         """
         examples = self._examples.subset(indices)
         result = examples.train_network(config, on_progress=self._report)
         if result.interrupted:
             raise KeyboardInterrupt
         model = examples.build_model(result.weights, config, {}, {})
-        solver = HandleSolver(model, relaxation=relaxation)
-        return partial(self._poses, solver)
+        return partial(self._poses, HandleSolver(model, **options), varied)
 
     def _poses(
-        self, solver: HandleSolver, vertices: IntArray, targets: FloatArray, noises: Sequence[float]
+        self,
+        solver: HandleSolver,
+        varied: str,
+        vertices: IntArray,
+        targets: FloatArray,
+        values: Sequence[float],
     ) -> Iterator[FloatArray]:
-        """Positions (V, 3) fitted to exact handles, for each noise."""
+        """Positions (V, 3) fitted to exact handles, for each value."""
         solver.set_handles(vertices, targets, hard=True)
-        for number, noise in enumerate(noises):
-            solver.set_prior(noise=noise)
+        for number, value in enumerate(values):
+            solver.set_prior(**{varied: value})
             if number == 0:
                 pose = solver.solve()
             else:
-                # Starts from the pose of the last noise: faster, but sometimes another minimum.
+                # Starts from the pose of the last value: faster, but sometimes another minimum.
                 solver.solve_to_convergence()
                 # The surface as a solve from the start gives it.
                 pose = solver.relax()

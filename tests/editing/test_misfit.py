@@ -1,4 +1,4 @@
-"""Truths of models that have an error of their own: the shape deforms by what their codes miss."""
+"""Truths of models with an error of their own: the shape deforms by what their codes miss."""
 
 from dataclasses import replace
 
@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from deformer import HandleSolver, fit_sequence, uncertainty
+from deformer.editing.handle_errors import model_error, whitening
+from deformer.errors import InputError
 from shapes import small_model
 
 HANDLES = np.arange(4, 120, 12)
@@ -36,26 +38,92 @@ def posed(model, targets, **kinds):
     return solver, solver.solve()
 
 
-def test_exact_handles_are_fitted_as_by_the_noise_of_both(model, doubtful, targets):
-    _, pose = posed(doubtful, targets, hard=True)
-    _, other = posed(model, targets, hard=True, noise=float(np.hypot(NOISE, MISFIT)))
-    np.testing.assert_allclose(pose.z, other.z, atol=1e-9)
-    np.testing.assert_allclose(pose.vertices, other.vertices, atol=1e-9)
-    assert pose.residual.max() < 1e-9
+def test_the_covariance_is_that_of_targets_and_of_the_model():
+    rng = np.random.default_rng(0)
+    A = rng.normal(size=(6, 8))
+    K = A @ A.T
+    weights = rng.uniform(0.2, 3.0, 6)
+    covariance = NOISE**2 * np.diag(1 / weights) + MISFIT**2 * K
+    W = whitening(weights, NOISE, MISFIT, K)
+    np.testing.assert_allclose(W.T @ W, np.linalg.inv(covariance), rtol=1e-9, atol=1e-6)
+    gain = model_error(weights, NOISE, MISFIT, K)
+    np.testing.assert_allclose(gain, MISFIT**2 * K @ np.linalg.inv(covariance), atol=1e-9)
 
 
-def test_soft_handles_keep_the_targets_share_of_their_misfit(doubtful, targets):
-    """σ²/w / (σ²/w + τ²): with more noise or less weight they stay farther away."""
+def test_a_handle_of_no_weight_tells_nothing():
+    K = np.full((3, 3), 0.5) + 0.5 * np.eye(3)
+    weights = np.array([[1.0, 0.0, 2.0], [1.0, 1.0, 1.0]])
+    W = whitening(weights, NOISE, MISFIT, K)
+    own = whitening(weights[0, [0, 2]], NOISE, MISFIT, K[np.ix_([0, 2], [0, 2])])
+    assert (W[0][:, 1] == 0).all()
+    precision = (W[0].T @ W[0])[np.ix_([0, 2], [0, 2])]
+    np.testing.assert_allclose(precision, own.T @ own, rtol=1e-9)
+    # Nor does it keep the others from telling where it is.
+    assert model_error(weights, NOISE, MISFIT, K)[0, 1, 0] > 0.1
+
+
+def test_near_handles_are_off_alike(model):
+    basis = HandleSolver(model).basis
+    tree = np.linalg.norm(model.reference.vertices - model.reference.vertices[0], axis=1)
+    near, far = int(np.argsort(tree)[1]), int(tree.argmax())
+    basis.set_points([0, near, far])
+    K = basis.correlation()
+    np.testing.assert_allclose(np.diag(K), 1.0)
+    assert K[0, 1] > 0.5 > 0.1 > abs(K[0, 2]) and np.linalg.eigvalsh(K).min() > 0
+    basis.set_points([far, 0])
+    np.testing.assert_allclose(basis.correlation()[0, 1], K[0, 2], atol=1e-9)
+
+
+def test_the_minimum_is_that_of_the_correlated_errors(doubtful, targets):
+    """The gradient at the solution, by differences of an energy with the inverse covariance."""
+    weights = np.geomspace(0.5, 2, len(HANDLES))
+    solver, _ = posed(doubtful, targets, weights=weights)
+    energy, x = solver.energy, np.asarray(solver.solution)
+    assert energy.correlation is not None
+    covariance = NOISE**2 * np.diag(1 / weights) + MISFIT**2 * energy.correlation
+    precision = np.linalg.inv(covariance * energy.diagonal**2)
+
+    def value(x):
+        p = doubtful.decode(energy.code(x))
+        off = energy.move(x, p - p.mean(axis=0))[HANDLES] - targets
+        stiffness, cost = energy.stiffness(x)
+        bent, _ = energy.excess_bending(x)
+        own = np.einsum("hi,hg,gi->", off, precision, off)
+        return own + stiffness @ x**2 + (bent**2).sum() + cost
+
+    p = doubtful.decode(energy.code(x))
+    here = value(x)
+    np.testing.assert_allclose(energy.value(x, (p - p.mean(axis=0))[HANDLES]), here, rtol=1e-6)
+    for n in range(len(x)):
+        for h in (-1e-2, 1e-2):
+            aside = x.copy()
+            aside[n] += h
+            assert value(aside) > here - 1e-4 * abs(here)
+
+
+def test_soft_handles_keep_the_targets_share_of_their_error(doubtful, targets):
     weights = np.geomspace(0.1, 10, len(HANDLES))
     solver, pose = posed(doubtful, targets, weights=weights)
     energy, x = solver.energy, np.asarray(solver.solution)
     p = doubtful.decode(pose.z)
     p -= p.mean(axis=0)
-    coded = energy.move(x, p)[HANDLES]
-    share = (NOISE**2 / weights) / (NOISE**2 / weights + MISFIT**2)
-    expected = share * np.linalg.norm(coded - targets, axis=1)
+    off = energy.move(x, p)[HANDLES] - targets
+    kept = np.eye(len(HANDLES)) - energy.model_error(weights)
+    expected = np.linalg.norm(kept @ off, axis=1)
     assert expected.max() > 1e-3 * energy.diagonal
     np.testing.assert_allclose(pose.residual, expected, atol=2e-4 * energy.diagonal)
+
+
+def test_a_misfit_is_given_changed_and_taken_back(model, doubtful, targets):
+    given = HandleSolver(model, noise=NOISE, misfit=MISFIT)
+    given.set_handles(HANDLES, targets)
+    _, expected = posed(doubtful, targets)
+    np.testing.assert_allclose(given.solve().vertices, expected.vertices, atol=1e-9)
+    given.set_prior(misfit=0.0)
+    _, trusted = posed(model, targets)
+    np.testing.assert_allclose(given.solve().vertices, trusted.vertices, atol=1e-9)
+    with pytest.raises(InputError, match="misfit"):
+        given.set_prior(misfit=-0.1)
 
 
 def test_kinds_mix(doubtful, targets):

@@ -19,7 +19,8 @@ def knee():
     base = tube(8, 15)
     poses = np.stack([bend(base.vertices, angle) for angle in np.linspace(0, 1.2, 9)])
     shapes = MeshSequence(poses, base.faces)
-    return shapes, train(shapes, 3, epochs=20, device="cpu")
+    # Trusted with every target, so that limits alone keep it from bending the other way.
+    return shapes, replace(train(shapes, 3, epochs=20, device="cpu"), handle_misfit=0.0)
 
 
 def kinked(model, angle):
