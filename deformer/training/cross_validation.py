@@ -24,7 +24,7 @@ _HELD_OUT = 3
 _CONTROL_COUNTS = (10, 40)
 # With fewer shapes than this, single ones are held out in turn, at most so many.
 MANY, _MOST_TURNS = 12, 5
-_MISFIT_COUNTS = (5, 20)
+_MISFIT_COUNTS = (5, 40)
 
 
 def choose_noise(
@@ -108,7 +108,7 @@ def misfit_errors(
 ) -> FloatArray | None:
     """Errors of held-out shapes in position and in stretch, by misfit.
 
-    As `held_out_errors`, but with the shapes of `held_out_turns`, from 5 and 20 control vertices
+    As `held_out_errors`, but with the shapes of `held_out_turns`, from 5 and 40 control vertices
     which differ between turns.
 
     Args:

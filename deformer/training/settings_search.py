@@ -31,10 +31,10 @@ HANDLE_NOISES = (0.0005, 0.001, 0.002, 0.004, 0.008)
 # Key of the misfits' errors among the trials.
 _MISFIT = "misfit"
 # Candidate misfits of the model itself, in bounding diagonals; the one of two shapes, of which none
-# can be held out; the share by which errors must fall for another misfit than 0; and the rounds of
-# rigid relaxation of its fits.
+# can be held out; the share by which errors must fall for another misfit than 0; the share that makes
+# no difference; and the rounds of rigid relaxation of its fits.
 HANDLE_MISFITS = (0.0, 0.0125, 0.025, 0.05, 0.1, 0.2, 0.4)
-_UNKNOWN_MISFIT, _MISFIT_GAIN, _MISFIT_RELAXATION = 0.05, 0.05, 10
+_UNKNOWN_MISFIT, _MISFIT_GAIN, _MISFIT_TIE, _MISFIT_RELAXATION = 0.05, 0.05, 0.02, 10
 # Candidate values of λ₁, the sparsest components first.
 SPARSITIES = (2.0, 0.2, 0.02)
 # Greatest number of rounds of a trial's factorisation.
@@ -94,7 +94,7 @@ class SettingsSearch:
         return self._config.with_training(sparsity=sparsity), noise, self._misfit(sparsity, noise)
 
     def _misfit(self, sparsity: float, noise: float) -> float:
-        """The best misfit, or 0 if that is nearly as good."""
+        """The best misfit, the largest of those that are as good; or 0 if that is nearly as good."""
         N = len(self._examples.shapes)
         if N >= MANY and noise < HANDLE_NOISES[-1]:
             return HANDLE_MISFITS[0]
@@ -121,7 +121,7 @@ class SettingsSearch:
             return _UNKNOWN_MISFIT
         if found[0] <= found.min() + _MISFIT_GAIN:
             return HANDLE_MISFITS[0]
-        return HANDLE_MISFITS[int(found.argmin())]
+        return HANDLE_MISFITS[int(np.flatnonzero(found <= found.min() + _MISFIT_TIE)[-1])]
 
     def _all_errors(self) -> Iterator[tuple[float, FloatArray]]:
         """Each sparsity with its `_errors`; kept ones are not computed again."""
