@@ -31,7 +31,7 @@ HANDLE_NOISES = (0.0005, 0.001, 0.002, 0.004, 0.008)
 # Key of the misfits' errors among the trials.
 _MISFIT = "misfit"
 # Candidate misfits of the model itself, in bounding diagonals; the one of two shapes, of which none
-# can be held out; the share by which errors must fall for another misfit than 0; the share that makes
+# can be held out; the share by which errors must fall for another misfit than 0; the share that is
 # no difference; and the rounds of rigid relaxation of its fits.
 HANDLE_MISFITS = (0.0, 0.0125, 0.025, 0.05, 0.1, 0.2, 0.4)
 _UNKNOWN_MISFIT, _MISFIT_GAIN, _MISFIT_TIE, _MISFIT_RELAXATION = 0.05, 0.05, 0.02, 10
@@ -94,7 +94,7 @@ class SettingsSearch:
         return self._config.with_training(sparsity=sparsity), noise, self._misfit(sparsity, noise)
 
     def _misfit(self, sparsity: float, noise: float) -> float:
-        """The best misfit, the largest of those that are as good; or 0 if that is nearly as good."""
+        """The largest of the misfits that are as good as the best; 0 if it is nearly as good."""
         N = len(self._examples.shapes)
         if N >= MANY and noise < HANDLE_NOISES[-1]:
             return HANDLE_MISFITS[0]
