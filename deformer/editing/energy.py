@@ -96,7 +96,6 @@ class HandleEnergy:
             weights=np.zeros(0),
             rigid_prior=model.rigid_prior,
             limits=model.bend_limits,
-            misfit=model.handle_misfit,
         )
 
     def by_rigid_term(self) -> list[HandleEnergy]:

@@ -26,7 +26,8 @@ def whitening(
     scale = np.sqrt(weights) / noise
     inner = misfit**2 * scale[..., :, None] * correlation * scale[..., None, :]
     factor = np.linalg.cholesky(inner + np.eye(len(correlation)))
-    return np.asarray(np.linalg.solve(factor, np.eye(len(correlation)) * scale[..., None, :]))
+    scaled = np.eye(len(correlation)) * scale[..., None, :]
+    return np.asarray(np.linalg.solve(factor, scaled), dtype=np.float64)
 
 
 def model_error(

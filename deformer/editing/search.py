@@ -164,11 +164,12 @@ class CodeSearch:
         """Unknowns (K+6,) of the last solution; None before the first."""
         return self._cache.x
 
-    def set_targets(self, targets: FloatArray, weights: FloatArray) -> None:
-        """Set the targets (H, 3) and weights (H,) of the basis's handles."""
-        given = {"targets": targets, "weights": weights}
-        alike = self._basis.correlation() if self.energy.misfit and len(weights) else None
-        self.energy = replace(self.energy, **given, correlation=alike)
+    def set_targets(self, targets: FloatArray, weights: FloatArray, misfit: float) -> None:
+        """Set targets (H, 3) and weights (H,) of the basis's handles, and the model's misfit."""
+        alike = self._basis.correlation() if misfit and len(weights) else None
+        self.energy = replace(
+            self.energy, targets=targets, weights=weights, misfit=misfit, correlation=alike
+        )
 
     def vertices_changed(self) -> None:
         """Drop what depends on the handle vertices; to be called after the basis's have changed."""

@@ -139,8 +139,9 @@ def fit_sequence(
     rows = tracks.rows(basis.frames)
     basis.set_points(rows.points)
     batch = _backend(basis, device, backend)
-    alike = basis.correlation() if solver.energy.misfit else None
-    energy = replace(solver.energy, correlation=alike)
+    misfit = model.misfit_of(len(tracks.points))
+    alike = basis.correlation() if misfit else None
+    energy = replace(solver.energy, misfit=misfit, correlation=alike)
     sequence = SequenceEnergy(energy, batch, rows.targets, rows.weights, smoothness)
     F, V = len(seen), len(model.reference.vertices)
     check_memory(24 * F * V, f"targets: {F} frames of {V} vertices")

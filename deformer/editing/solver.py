@@ -70,7 +70,7 @@ class HandleSolver:
     Damped Gauss–Newton minimises Σ_h w_h ‖Q p_h(z) + t − q_h‖² / (σ D)² + (z−μ)ᵀ Σ⁻¹ (z−μ), with D
     the reference's bounding diagonal, plus terms for the rigid motion and for parts that bend more
     than in any example (`HandleEnergy`). A model of few examples has an error of its own, its
-    `handle_misfit`: the code is then trusted less, and the shape deforms as rigidly as possible by
+    `handle_misfits`: the code is then trusted less, and the shape deforms as rigidly as possible by
     the misfit that is left. Handle positions are linear in the deformation gradients,
     with one Green's function a handle, which is kept as long as the handle exists; no matrix is
     factored when handles are added, moved or removed.
@@ -88,8 +88,8 @@ class HandleSolver:
             bounding diagonal. With 1 a single handle moves the whole shape; with 0.01 the shape
             stays about where it is and bends.
         misfit: τ, the model's own error at handles, in bounding diagonals, which decreases with
-            the distance between them (`handle_errors`). None is the model's `handle_misfit`; 0
-            trusts its codes.
+            the distance between them (`handle_errors`). None is the model's, for the number of
+            handles (`DeformationModel.misfit_of`); 0 trusts its codes.
         relaxation: the most rounds of rigid relaxation (a local and a global step) for hard
             handles; 0 is the Schur complement alone.
     """
@@ -123,7 +123,8 @@ class HandleSolver:
         self._hard: NDArray[np.bool_] = np.zeros(0, dtype=bool)
         self._warning: str | None = None
         self._handles: list[Handle] = []
-        self.set_prior(noise=used, freedom=freedom, misfit=misfit)
+        self._misfit = misfit
+        self.set_prior(noise=used, freedom=freedom)
         self._search.least_noise = used if noise is None else None
         self._places = SurfacePoints([], model.reference.faces)
         self._assign([])
@@ -215,11 +216,12 @@ class HandleSolver:
         _check_parameters(noise, freedom, misfit)
         if noise is not None:
             self._search.least_noise = None
-        given: dict[str, Any] = {"noise": noise, "freedom": freedom, "misfit": misfit}
+        given: dict[str, Any] = {"noise": noise, "freedom": freedom}
         changes = {name: value for name, value in given.items() if value is not None}
         centre = None if mean is None else self._code(mean, "mean")
         self._search.set_prior(replace(self.energy, **changes), centre)
         if misfit is not None:
+            self._misfit = misfit
             self._assign(self._handles)
         if noise is not None:
             self.basis.frames.noise = noise
@@ -386,7 +388,8 @@ class HandleSolver:
             hard[n] |= is_hard
         if points:
             targets /= weights[:, None]
-        self._search.set_targets(targets, weights)
+        misfit = self.model.misfit_of(len(handles)) if self._misfit is None else self._misfit
+        self._search.set_targets(targets, weights, misfit)
         self._hard = hard
         # A model with an error of its own deforms its shape by the misfit of soft handles, too.
         reaching = hard | (self.energy.misfit > 0)

@@ -8,6 +8,7 @@ from .latent_prior import (
     fit_prior as fit_prior,
 )
 from .model import (
+    HANDLE_COUNTS as HANDLE_COUNTS,
     DeformationModel as DeformationModel,
 )
 from .rigid_prior import (

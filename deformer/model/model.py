@@ -37,6 +37,9 @@ if TYPE_CHECKING:
 # Modules that need numba, whose import takes as long as all others together, are imported by the
 # properties that use them: `deformer info` computes nothing and never loads it.
 
+# Numbers of handles that `DeformationModel.handle_misfits` are for.
+HANDLE_COUNTS = (5, 40)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DeformationModel:
@@ -57,8 +60,9 @@ class DeformationModel:
         handle_noise: σ of handle fits (`HandleSolver`), in bounding diagonals.
         bend_limits: range of the bends between neighbouring parts in the training shapes; None if
             unknown.
-        handle_misfit: τ of handle fits, the model's own error at a handle, in bounding diagonals;
-            0 for a model that has learned enough to be trusted with every target.
+        handle_misfits: τ of handle fits, the model's own error at a handle, in bounding diagonals,
+            with few handles and with many (`misfit_of`); 0 for a model that has learned enough to
+            be trusted with every target.
 
     Raises:
         InputError: parts that do not fit each other, or names that `check_names` rejects.
@@ -76,7 +80,7 @@ class DeformationModel:
     component_names: dict[int, str] = field(default_factory=dict)
     handle_noise: float = 0.007
     bend_limits: BendLimits | None = None
-    handle_misfit: float = 0.0
+    handle_misfits: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         """Check that the parts fit each other, and the names."""
@@ -110,9 +114,21 @@ class DeformationModel:
         if not len(checked_array(self.codes, "codes", ("N", K), largest=LARGEST)):
             raise InputError("codes: expected those of at least one training shape; retrain")
         checked_number(self.handle_noise, "handle_noise", above=0, most=LARGEST)
-        checked_number(self.handle_misfit, "handle_misfit", least=0, most=LARGEST)
+        misfits = checked_array(self.handle_misfits, "handle_misfits", (2,), largest=LARGEST)
+        for number in misfits.tolist():
+            checked_number(number, "handle_misfits", least=0)
+        object.__setattr__(self, "handle_misfits", tuple(misfits.tolist()))
         checked = check_names(self.component_names, self.components)
         object.__setattr__(self, "component_names", checked)
+
+    def misfit_of(self, handles: int) -> float:
+        """τ of fits to so many handles, in bounding diagonals.
+
+        It is that of few handles up to 5, that of many from 40 on, and linear in the logarithm of
+        the number between: the more handles there are, the less is left for a code to tell.
+        """
+        few, many = np.log(HANDLE_COUNTS)
+        return float(np.interp(np.log(max(handles, 1)), (few, many), self.handle_misfits))
 
     def __repr__(self) -> str:
         """One line: how many vertices, components and training shapes."""

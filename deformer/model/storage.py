@@ -99,7 +99,7 @@ def save_model(model: DeformationModel, path: str | Path) -> None:
             "summary": model.summary,
             "rigid_prior": model.rigid_prior.deviations if model.rigid_prior else None,
             "handle_noise": model.handle_noise,
-            "handle_misfit": model.handle_misfit,
+            "handle_misfits": list(model.handle_misfits),
             "component_names": _names_as_json(model.component_names),
             "sha256": {name: digest(folder / name) for name in _FILES[1:]},
         }
@@ -215,7 +215,7 @@ def _read(folder: Path, path: str | Path) -> DeformationModel:
         raise version.error(
             f"format version {FORMAT_VERSION}", "retrain, or use the release that wrote it"
         )
-    data.check_keys(_KEYS, ("handle_misfit",))
+    data.check_keys(_KEYS, ("handle_misfits",))
     _check_digests(folder, data)
     mesh = load_mesh(folder / "reference.ply")
     V, F = len(mesh.vertices), len(mesh.faces)
@@ -239,9 +239,10 @@ def _read(folder: Path, path: str | Path) -> DeformationModel:
     with _named(folder / "model.json"):
         scaler = FeatureScaler(*bounds)
         noise = data["handle_noise"].number(above=0, most=LARGEST)
-        misfit = 0.0
-        if "handle_misfit" in data:
-            misfit = data["handle_misfit"].number(least=0, most=LARGEST)
+        misfits = (0.0, 0.0)
+        if "handle_misfits" in data:
+            few, many = data["handle_misfits"].numbers(2, least=0, most=LARGEST)
+            misfits = few, many
         check_names(names, config.components)
     with _named(folder / "weights.safetensors"):
         weights = NetworkWeights.from_arrays(_arrays(tensors, "network."))
@@ -262,7 +263,7 @@ def _read(folder: Path, path: str | Path) -> DeformationModel:
             names,
             noise,
             BendLimits(**limits) if limits else None,
-            misfit,
+            misfits,
         )
 
 

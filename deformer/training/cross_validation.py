@@ -14,6 +14,7 @@ from deformer.geometry import (
     farthest_points,
     sted_spatial,
 )
+from deformer.model import HANDLE_COUNTS
 
 # (vertices (H,), targets (H, 3), noises or misfits, the largest first) → positions (V, 3) for each.
 HandleFit = Callable[[IntArray, FloatArray, Sequence[float]], Iterable[FloatArray]]
@@ -24,7 +25,6 @@ _HELD_OUT = 3
 _CONTROL_COUNTS = (10, 40)
 # With fewer shapes than this, single ones are held out in turn, at most so many.
 MANY, _MOST_TURNS = 12, 5
-_MISFIT_COUNTS = (5, 40)
 
 
 def choose_noise(
@@ -108,42 +108,43 @@ def misfit_errors(
 ) -> FloatArray | None:
     """Errors of held-out shapes in position and in stretch, by misfit.
 
-    As `held_out_errors`, but with the shapes of `held_out_turns`, from 5 and 40 control vertices
-    which differ between turns.
+    As `held_out_errors`, but with the shapes of `held_out_turns`, from `HANDLE_COUNTS` control
+    vertices, which differ between turns.
 
     Args:
         train, shapes, geodesics: as there.
         misfits: M candidates, in increasing order, in bounding diagonals.
 
     Returns:
-        (M,) means of the logarithms of the root mean square error and of the edges' deviation
-        (`geometry.sted_spatial`); None for fewer than 3 shapes.
+        (2, M) means of the logarithms of the root mean square error and of the edges' deviation
+        (`geometry.sted_spatial`), from few and from many vertices; None for fewer than 3 shapes.
     """
     N, V = shapes.vertices.shape[:2]
     turns = held_out_turns(N)
     if not turns:
         return None
-    found = []
+    found: list[list[list[float]]] = [[], []]
     for turn, held_out in enumerate(turns):
         fit = train(np.setdiff1d(np.arange(N), held_out))
-        for count in _MISFIT_COUNTS:
+        for errors, count in zip(found, HANDLE_COUNTS, strict=True):
             control = farthest_points(geodesics, min(count, V), turn)
             for shape in shapes.vertices[held_out]:
                 poses = fit(control, shape[control], misfits[::-1])
-                found.append([_log_errors(shape, pose, shapes.faces) for pose in poses])
-    return np.array(found).mean(axis=(0, 2))[::-1]
+                errors.append([_log_error(shape, pose, shapes.faces) for pose in poses])
+    return np.array(found).mean(axis=1)[:, ::-1]
 
 
 def misfit_fits(shape_count: int) -> int:
     """Number of handle fits of `misfit_errors` for every misfit, with `shape_count` shapes."""
-    return len(_MISFIT_COUNTS) * sum(map(len, held_out_turns(shape_count)))
+    return len(HANDLE_COUNTS) * sum(map(len, held_out_turns(shape_count)))
 
 
-def _log_errors(shape: FloatArray, pose: FloatArray, faces: IntArray) -> tuple[float, float]:
+def _log_error(shape: FloatArray, pose: FloatArray, faces: IntArray) -> float:
+    """Mean of the logarithms of the root mean square error and of the edges' deviation."""
     square = float(((pose - shape) ** 2).mean())
     stretch = sted_spatial(shape, pose, faces)
     tiny = np.finfo(float).tiny
-    return 0.5 * float(np.log(max(square, tiny))), float(np.log(max(stretch, tiny)))
+    return 0.25 * float(np.log(max(square, tiny))) + 0.5 * float(np.log(max(stretch, tiny)))
 
 
 def _spread(count: int, chosen: int) -> IntArray:

@@ -77,8 +77,8 @@ class SettingsSearch:
         self._total = len(self._sparsities) * (self._epochs + fits)
         self._done = 0
 
-    def run(self) -> tuple[ModelConfig, float, float]:
-        """The configuration with its λ₁, and handle noise and misfit in bounding diagonals.
+    def run(self) -> tuple[ModelConfig, float, tuple[float, float]]:
+        """The configuration with its λ₁, and handle noise and misfits in bounding diagonals.
 
         Raises:
             KeyboardInterrupt: Ctrl-C; the finished trials are kept.
@@ -91,17 +91,20 @@ class SettingsSearch:
                 entry for entry in measured.items() if entry[1].min() <= least + _LEAST_GAIN
             )
             noise = HANDLE_NOISES[int(found.argmin())]
-        return self._config.with_training(sparsity=sparsity), noise, self._misfit(sparsity, noise)
+        return self._config.with_training(sparsity=sparsity), noise, self._misfits(sparsity, noise)
 
-    def _misfit(self, sparsity: float, noise: float) -> float:
-        """The largest of the misfits that are as good as the best; 0 if it is nearly as good."""
+    def _misfits(self, sparsity: float, noise: float) -> tuple[float, float]:
+        """For few handles and for many, the largest of the misfits that are as good as the best.
+
+        It is 0 if that is nearly as good.
+        """
         N = len(self._examples.shapes)
         if N >= MANY and noise < HANDLE_NOISES[-1]:
-            return HANDLE_MISFITS[0]
+            return 0.0, 0.0
         trials = self._stages.load("trials") or {}
         if _MISFIT in trials:
             found = trials[_MISFIT]
-            lengths = (0,), (len(HANDLE_MISFITS),)
+            lengths = (0, 0), (2, len(HANDLE_MISFITS))
             where = f"{self._stages.place('trials')}: {_MISFIT}"
             checked_array(found, where, *lengths, remedy="delete the checkpoint")
         else:
@@ -115,13 +118,12 @@ class SettingsSearch:
                 self._examples.geodesics,
                 HANDLE_MISFITS,
             )
-            found = trials[_MISFIT] = np.empty(0) if errors is None else errors
+            found = trials[_MISFIT] = np.empty((0, 0)) if errors is None else errors
             self._stages.save("trials", trials)
         if not found.size:
-            return _UNKNOWN_MISFIT
-        if found[0] <= found.min() + _MISFIT_GAIN:
-            return HANDLE_MISFITS[0]
-        return HANDLE_MISFITS[int(np.flatnonzero(found <= found.min() + _MISFIT_TIE)[-1])]
+            return _UNKNOWN_MISFIT, _UNKNOWN_MISFIT
+        few, many = map(_chosen, found)
+        return few, many
 
     def _all_errors(self) -> Iterator[tuple[float, FloatArray]]:
         """Each sparsity with its `_errors`; kept ones are not computed again."""
@@ -191,3 +193,10 @@ class SettingsSearch:
         self._done += 1
         if self._on_progress is not None:
             self._on_progress(TrainingProgress("cross-validation", self._done, self._total))
+
+
+def _chosen(errors: FloatArray) -> float:
+    """The misfit that is chosen by its errors (M,)."""
+    if errors[0] <= errors.min() + _MISFIT_GAIN:
+        return HANDLE_MISFITS[0]
+    return HANDLE_MISFITS[int(np.flatnonzero(errors <= errors.min() + _MISFIT_TIE)[-1])]

@@ -143,8 +143,8 @@ def train(
         with blamed(folder if resume else None):
             if isinstance(settings.training, FactorisationSettings):
                 search = SettingsSearch(examples, settings, stages, on_progress)
-                settings, noise, misfit = search.run()
-                chosen_handles = {"handle_noise": noise, "handle_misfit": misfit}
+                settings, noise, misfits = search.run()
+                chosen_handles = {"handle_noise": noise, "handle_misfits": misfits}
             result = examples.train_network(
                 settings,
                 seed=seed,

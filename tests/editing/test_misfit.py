@@ -21,7 +21,7 @@ def model():
 
 @pytest.fixture(scope="module")
 def doubtful(model):
-    return replace(model, handle_misfit=MISFIT)
+    return replace(model, handle_misfits=(MISFIT, MISFIT))
 
 
 @pytest.fixture(scope="module")
@@ -124,6 +124,22 @@ def test_a_misfit_is_given_changed_and_taken_back(model, doubtful, targets):
     np.testing.assert_allclose(given.solve().vertices, trusted.vertices, atol=1e-9)
     with pytest.raises(InputError, match="misfit"):
         given.set_prior(misfit=-0.1)
+
+
+def test_the_misfit_is_that_of_the_number_of_handles(model, targets):
+    doubtful = replace(model, handle_misfits=(0.01, 0.04))
+    middle = int(np.sqrt(5 * 40))
+    found = [doubtful.misfit_of(n) for n in (0, 1, 5, middle, 40, 1000)]
+    np.testing.assert_allclose(found[:3] + found[4:], [0.01, 0.01, 0.01, 0.04, 0.04])
+    assert abs(found[3] - 0.025) < 1e-3
+    solver = HandleSolver(doubtful)
+    for count in (3, 10):
+        solver.set_handles(HANDLES[:count], targets[:count])
+        solver.solve()
+        assert solver.energy.misfit == doubtful.misfit_of(count)
+    solver.set_prior(misfit=0.2)
+    solver.set_handles(HANDLES[:4], targets[:4])
+    assert solver.energy.misfit == 0.2
 
 
 def test_kinds_mix(doubtful, targets):

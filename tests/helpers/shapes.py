@@ -180,7 +180,9 @@ def _trained(shapes, epochs) -> DeformationModel:
         config = replace(PRESETS["default"], components=6)
         config = config.with_training(epochs=epochs, sparsity=2.0)
         return replace(
-            train(shapes, config=config, device="cpu"), handle_noise=0.007, handle_misfit=0.0
+            train(shapes, config=config, device="cpu"),
+            handle_noise=0.007,
+            handle_misfits=(0.0, 0.0),
         )
 
 

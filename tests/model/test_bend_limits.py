@@ -20,7 +20,7 @@ def knee():
     poses = np.stack([bend(base.vertices, angle) for angle in np.linspace(0, 1.2, 9)])
     shapes = MeshSequence(poses, base.faces)
     # Trusted with every target, so that limits alone keep it from bending the other way.
-    return shapes, replace(train(shapes, 3, epochs=20, device="cpu"), handle_misfit=0.0)
+    return shapes, replace(train(shapes, 3, epochs=20, device="cpu"), handle_misfits=(0.0, 0.0))
 
 
 def kinked(model, angle):

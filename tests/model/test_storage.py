@@ -53,7 +53,7 @@ NUMBERS = [
     ("rigid_prior", "rotation"),
     ("rigid_prior", "translation"),
     ("handle_noise",),
-    ("handle_misfit",),
+    ("handle_misfits", 1),
     ("config", "components"),
     ("config", "d_min"),
     ("config", "training", "epochs"),
@@ -77,10 +77,10 @@ def test_damaged_numbers_are_refused(saved, path, value):
 
 
 def test_a_model_without_a_misfit_has_none(saved):
-    change_description(saved, lambda data: data.pop("handle_misfit"))
-    assert load_model(saved).handle_misfit == 0.0
-    change_description(saved, lambda data: put(data, ("handle_misfit",), 0.25))
-    assert load_model(saved).handle_misfit == 0.25
+    change_description(saved, lambda data: data.pop("handle_misfits"))
+    assert load_model(saved).handle_misfits == (0.0, 0.0)
+    change_description(saved, lambda data: put(data, ("handle_misfits", 1), 0.25))
+    assert load_model(saved).handle_misfits == (0.25, 0.5)
 
 
 def test_numbers_that_json_does_not_know_are_named(saved):
