@@ -79,7 +79,7 @@ def test_damaged_numbers_are_refused(saved, path, value):
 def test_a_model_without_a_misfit_has_none(saved):
     change_description(saved, lambda data: data.pop("handle_misfits"))
     assert load_model(saved).handle_misfits == (0.0, 0.0)
-    change_description(saved, lambda data: put(data, ("handle_misfits", 1), 0.25))
+    change_description(saved, lambda data: put(data, ("handle_misfits",), [0.25, 0.5]))
     assert load_model(saved).handle_misfits == (0.25, 0.5)
 
 
