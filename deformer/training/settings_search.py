@@ -31,8 +31,8 @@ HANDLE_NOISES = (0.0005, 0.001, 0.002, 0.004, 0.008)
 # Key of the misfits' errors among the trials.
 _MISFIT = "misfit"
 # Candidate misfits of the model itself, in bounding diagonals; the one of two shapes, of which none
-# can be held out; the share by which errors must fall for another misfit than 0; the share that is
-# no difference; and the rounds of rigid relaxation of its fits.
+# can be held out; the share by which errors must fall for another misfit than 0; the share by which
+# they may differ by chance; and the rounds of rigid relaxation of its fits.
 HANDLE_MISFITS = (0.0, 0.0125, 0.025, 0.05, 0.1, 0.2, 0.4)
 _UNKNOWN_MISFIT, _MISFIT_GAIN, _MISFIT_TIE, _MISFIT_RELAXATION = 0.05, 0.05, 0.02, 10
 # Candidate values of λ₁, the sparsest components first.
@@ -94,10 +94,7 @@ class SettingsSearch:
         return self._config.with_training(sparsity=sparsity), noise, self._misfits(sparsity, noise)
 
     def _misfits(self, sparsity: float, noise: float) -> tuple[float, float]:
-        """For few handles and for many, the largest of the misfits that are as good as the best.
-
-        It is 0 if that is nearly as good.
-        """
+        """For few handles and for many, the best misfit, or 0 if that is nearly as good."""
         N = len(self._examples.shapes)
         if N >= MANY and noise < HANDLE_NOISES[-1]:
             return 0.0, 0.0
@@ -196,7 +193,11 @@ class SettingsSearch:
 
 
 def _chosen(errors: FloatArray) -> float:
-    """The misfit that is chosen by its errors (M,)."""
+    """The misfit of errors (M,): 0, or the geometric mean, weighed by how good each is.
+
+    Few shapes cannot tell neighbouring misfits apart.
+    """
     if errors[0] <= errors.min() + _MISFIT_GAIN:
         return HANDLE_MISFITS[0]
-    return HANDLE_MISFITS[int(np.flatnonzero(errors <= errors.min() + _MISFIT_TIE)[-1])]
+    weights = np.exp((errors.min() - errors[1:]) / _MISFIT_TIE)
+    return float(np.exp(np.average(np.log(HANDLE_MISFITS[1:]), weights=weights)))

@@ -88,15 +88,16 @@ def test_misfit_errors_are_of_positions_and_of_edges():
 
 
 @pytest.mark.parametrize(
-    ("errors", "chosen"),
+    ("errors", "least", "most"),
     [
-        ([-1.0, -1.01, -1.04, -1.01, -1.0, -0.5, 0.0], 0.0),  # better, but not by enough
-        ([-1.0, -1.1, -1.3, -1.31, -1.2, -1.0, 0.0], 0.05),
-        ([-1.0, -1.1, -1.31, -1.3, -1.2, -1.0, 0.0], 0.05),  # as good as a smaller one
-        ([0.0, -0.1, -0.2, -0.3, -0.4, -0.5, -0.6], 0.4),
+        ([-1.0, -1.01, -1.04, -1.01, -1.0, -0.5, 0.0], 0.0, 0.0),  # better, but not by enough
+        ([-1.0, -1.1, -1.2, -1.5, -1.2, -1.0, 0.0], 0.0499, 0.0501),
+        ([-1.0, -1.1, -1.5, -1.5, -1.1, -1.0, 0.0], 0.035, 0.036),  # between two that are as good
+        ([-1.0, -1.1, -1.2, -1.50, -1.51, -1.0, 0.0], 0.071, 0.085),  # nearer to the better one
+        ([1.0, 0.9, 0.6, 0.3, 0.0, -0.3, -0.6], 0.399, 0.401),
     ],
 )
-def test_the_misfit_is_the_largest_of_the_best_unless_none_is_as_good(errors, chosen, monkeypatch):
+def test_the_misfit_is_the_best_unless_none_is_as_good(errors, least, most, monkeypatch):
     calls = []
 
     def scripted(train_on, shapes, geodesics, misfits):
@@ -105,7 +106,8 @@ def test_the_misfit_is_the_largest_of_the_best_unless_none_is_as_good(errors, ch
 
     monkeypatch.setattr(settings_search, "misfit_errors", scripted)
     model = train(sequence(6), config=QUICK.with_training(sparsity=2.0), device="cpu")
-    assert model.handle_misfits == (chosen, settings_search.HANDLE_MISFITS[-1])
+    few, many = model.handle_misfits
+    assert least <= few <= most and many == pytest.approx(settings_search.HANDLE_MISFITS[-1])
     assert calls == [settings_search.HANDLE_MISFITS]
 
 
