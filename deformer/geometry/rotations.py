@@ -365,9 +365,7 @@ def procrustes(
     w = w / w.sum()
     centre_a, centre_b = w @ a, w @ b
     away_a, away_b = a - centre_a[..., None, :], b - centre_b[..., None, :]
-    covariance = np.swapaxes(away_b, -1, -2) @ (away_a * w[:, None])
-    undetermined = ~covariance.any(axis=(-1, -2), keepdims=True)
-    R = closest_rotations(np.where(undetermined, np.eye(3), covariance))
+    R = closest_rotations(np.swapaxes(away_b, -1, -2) @ (away_a * w[:, None]))
     return R, centre_b - (R @ centre_a[..., None])[..., 0]
 
 
