@@ -124,11 +124,12 @@ class DeformationModel:
     def misfit_of(self, handles: int) -> float:
         """τ of fits to so many handles, in bounding diagonals.
 
-        It is that of few handles up to 5, that of many from 40 on, and linear in the logarithm of
-        the number between: the more handles there are, the less is left for a code to tell.
+        It is that of few handles up to 5, that of many from 40 on, and between them their geometric
+        mean, weighed by the logarithm of the number: 0 if one of them is.
         """
-        few, many = np.log(HANDLE_COUNTS)
-        return float(np.interp(np.log(max(handles, 1)), (few, many), self.handle_misfits))
+        few, many = self.handle_misfits
+        share = float(np.interp(np.log(max(handles, 1)), np.log(HANDLE_COUNTS), (0.0, 1.0)))
+        return few ** (1.0 - share) * many**share
 
     def __repr__(self) -> str:
         """One line: how many vertices, components and training shapes."""

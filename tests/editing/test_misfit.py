@@ -131,7 +131,11 @@ def test_the_misfit_is_that_of_the_number_of_handles(model, targets):
     middle = int(np.sqrt(5 * 40))
     found = [doubtful.misfit_of(n) for n in (0, 1, 5, middle, 40, 1000)]
     np.testing.assert_allclose(found[:3] + found[4:], [0.01, 0.01, 0.01, 0.04, 0.04])
-    assert abs(found[3] - 0.025) < 1e-3
+    assert abs(found[3] - 0.02) < 1e-3
+    trusted = replace(model, handle_misfits=(0.0, 0.04))
+    assert [trusted.misfit_of(n) for n in (1, 5, 39, 40)] == [0.0, 0.0, 0.0, 0.04]
+    trusted = replace(model, handle_misfits=(0.04, 0.0))
+    assert [trusted.misfit_of(n) for n in (1, 5, 6, 40)] == [0.04, 0.04, 0.0, 0.0]
     solver = HandleSolver(doubtful)
     for count in (3, 10):
         solver.set_handles(HANDLES[:count], targets[:count])
