@@ -108,7 +108,8 @@ def fit_sequence(
         rigid: as in `HandleSolver`.
         noise: as in `HandleSolver`. None is the median of what it chooses for a few frames, but at
             least 0.007: with less the descent over all frames stalls (docs/prior.md).
-        relaxation: rounds of rigid relaxation in each frame with hard handles.
+        relaxation: rounds of rigid relaxation in each frame with hard handles, or of a model with a
+            misfit. What its codes miss is not smoothed in time.
         device: "cpu", "cuda", "mps" or "auto" (cuda or mps if there is one, else cpu).
         backend: "numba", which uses all cores of the CPU, or "torch", which computes many frames
             at once on any device; None is numba on the CPU and torch on every other device.
