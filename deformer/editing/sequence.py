@@ -8,7 +8,7 @@ in which no handle is seen follows its neighbours: the prior has hardly any weig
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -108,8 +108,7 @@ def fit_sequence(
         rigid: as in `HandleSolver`.
         noise: as in `HandleSolver`. None is the median of what it chooses for a few frames, but at
             least 0.007: with less the descent over all frames stalls (docs/prior.md).
-        relaxation: rounds of rigid relaxation in each frame with hard handles, or of a model with a
-            misfit. What its codes miss is not smoothed in time.
+        relaxation: rounds of rigid relaxation in each frame with hard handles.
         device: "cpu", "cuda", "mps" or "auto" (cuda or mps if there is one, else cpu).
         backend: "numba", which uses all cores of the CPU, or "torch", which computes many frames
             at once on any device; None is numba on the CPU and torch on every other device.
@@ -130,7 +129,9 @@ def fit_sequence(
         checked_choice(backend, "backend", ("numba", "torch"))
     check_device(device)  # before the solver, which may compile kernels
     # In a motion the body may go anywhere: the rigid motion has the diffuse prior alone.
-    solver = HandleSolver(model, rigid=rigid, noise=noise, freedom=1.0)
+    # What codes miss is known where handles are seen only: it would come and go with them, so that
+    # sequences trust the codes.
+    solver = HandleSolver(model, rigid=rigid, noise=noise, freedom=1.0, misfit=0.0)
     seen = tracks.weights > 0
     solver.warn_of_units(tracks.points, np.where(seen[..., None], tracks.targets, np.nan))
     first = _first_guess(solver, tracks)
@@ -140,9 +141,7 @@ def fit_sequence(
     rows = tracks.rows(basis.frames)
     basis.set_points(rows.points)
     batch = _backend(basis, device, backend)
-    misfit = model.misfit_of(len(tracks.points))
-    alike = basis.correlation() if misfit else None
-    energy = replace(solver.energy, misfit=misfit, correlation=alike)
+    energy = solver.energy
     sequence = SequenceEnergy(energy, batch, rows.targets, rows.weights, smoothness)
     F, V = len(seen), len(model.reference.vertices)
     check_memory(24 * F * V, f"targets: {F} frames of {V} vertices")
@@ -160,14 +159,8 @@ def fit_sequence(
             part = slice(start, stop)
             Q, centroids = log_to_rotation(Unknowns(X[part]).rotation), energy.centroids(X[part])
             z = energy.codes(X[part])
-            reached, reaching = rows.targets[part], rows.exact[part]
-            if energy.misfit:
-                # As in `HandleSolver`: the shape deforms by what is left of soft handles, too.
-                at = batch.by_all(z) @ Q.transpose(0, 2, 1) + centroids[:, None]
-                soft = at + energy.model_error(rows.weights[part]) @ (reached - at)
-                reached = np.where(reaching[..., None], reached, soft)
-                reaching = rows.weights[part] > 0
-            batch.shapes(z, Q, centroids, reached, reaching, relaxation, out[part])
+            wanted = rows.targets[part], rows.exact[part]
+            batch.shapes(z, Q, centroids, *wanted, relaxation, out[part])
             if on_progress is not None:
                 on_progress(stop, F)
     places = SurfacePoints(tracks.points, model.reference.faces).at(out)

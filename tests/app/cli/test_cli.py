@@ -194,8 +194,7 @@ def test_fit_of_a_sequence_passes_its_options_on(run_json, model_path, tmp_path)
             assert abs(found - expected.vertices).max() < 1e-3
             assert result["frames"][3]["z"] == pytest.approx(expected.z[3].tolist(), abs=1e-3)
         jitter[smoothness] = (np.diff(expected.vertices, 2, axis=0) ** 2).mean()
-    # The model is of few examples: the shape follows what its codes miss, frame by frame.
-    assert jitter[100] < 0.85 * jitter[0]
+    assert jitter[100] < 0.7 * jitter[0]
 
 
 @pytest.mark.parametrize("sequence", [False, True], ids=["pose", "sequence"])
