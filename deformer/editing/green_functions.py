@@ -79,6 +79,7 @@ class HandleBasis:
         # Rows of the model's misfit, of handles for which it was asked.
         self._misfit_rows: dict[RowPoint, FloatArray] = {}
         self.points: list[RowPoint] = []
+        self._correlation: FloatArray | None = None
         self._exact_positions: DenseHandlePositions | None = None
         self._landmark_positions: HandlePositions | None = None
         self.landmark_coefficients = np.empty((0, len(landmarks), 3))
@@ -106,7 +107,7 @@ class HandleBasis:
             self._bending_rows.pop(gone, None)
             self._misfit_rows.pop(gone, None)
         self.points = list(points)
-        self._exact_positions = self._landmark_positions = None
+        self._exact_positions = self._landmark_positions = self._correlation = None
         rows = [self._rows[point] for point in points]
         by_landmark = np.array([entry.landmark_coefficients for entry in rows])
         self.landmark_coefficients = by_landmark.reshape(len(rows), self._grouping.count, 3)
@@ -170,6 +171,8 @@ class HandleBasis:
 
         They are those of a thin plate on an elastic foundation (`PoissonSystem.foundation_rows`).
         """
+        if self._correlation is not None:
+            return self._correlation
         new = [point for point in self.points if point not in self._misfit_rows]
         where = self._surface_points(new)
         rows = self.model.poisson.foundation_rows(where.index, where.weights)
@@ -179,7 +182,9 @@ class HandleBasis:
         K = np.einsum("hm,ghm->gh", where.weights, found[:, where.index])
         scale = 1.0 / np.sqrt(np.diag(K))
         # Rounding makes Green's functions slightly asymmetric.
-        return 0.5 * (K + K.T) * scale[:, None] * scale
+        correlation: FloatArray = 0.5 * (K + K.T) * scale[:, None] * scale
+        self._correlation = correlation
+        return correlation
 
     def landmark_positions(self) -> HandlePositions:
         """Handle positions by landmarks: fast, with the error of cubature."""
