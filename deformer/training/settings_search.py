@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deformer.checks import checked_array
 from deformer.editing import HandleSolver
@@ -100,10 +101,7 @@ class SettingsSearch:
             return 0.0, 0.0
         trials = self._stages.load("trials") or {}
         if _MISFIT in trials:
-            found = trials[_MISFIT]
-            lengths = (0, 0), (2, len(HANDLE_MISFITS))
-            where = f"{self._stages.place('trials')}: {_MISFIT}"
-            checked_array(found, where, *lengths, remedy="delete the checkpoint")
+            found = self._kept(trials, _MISFIT, (0, 0), (2, len(HANDLE_MISFITS)))
         else:
             turns = held_out_turns(N)
             self._total += len(turns) * self._epochs + misfit_fits(N) * len(HANDLE_MISFITS)
@@ -128,15 +126,17 @@ class SettingsSearch:
         for sparsity in self._sparsities:
             key = str(sparsity)
             if key in trials:
-                found = trials[key]
-                lengths = (0,), (len(HANDLE_NOISES),)
-                where = f"{self._stages.place('trials')}: {key}"
-                checked_array(found, where, *lengths, remedy="delete the checkpoint")
+                self._kept(trials, key, (0,), (len(HANDLE_NOISES),))
                 self._done += self._total // len(self._sparsities)
             else:
                 trials[key] = self._errors(sparsity)
                 self._stages.save("trials", trials)
             yield sparsity, trials[key]
+
+    def _kept(self, trials: dict[str, NDArray], key: str, *shapes: tuple[int, ...]) -> FloatArray:
+        """A trial's errors from a checkpoint; their shape is one of those given."""
+        where = f"{self._stages.place('trials')}: {key}"
+        return checked_array(trials[key], where, *shapes, remedy="delete the checkpoint")
 
     def _errors(self, sparsity: float) -> FloatArray:
         """Logarithms of errors of held-out shapes, by handle noise; empty with too few shapes."""
