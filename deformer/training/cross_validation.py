@@ -41,8 +41,9 @@ def choose_noise(
     Args:
         train, shapes, geodesics, noises, seed: as in `held_out_errors`.
     """
-    errors = held_out_errors(train, shapes, geodesics, noises, seed)
-    return noises[len(noises) // 2 if errors is None else int(errors.argmin())]
+    if not held_out_fits(len(shapes)):
+        return noises[len(noises) // 2]
+    return noises[int(held_out_errors(train, shapes, geodesics, noises, seed).argmin())]
 
 
 def held_out_errors(
@@ -51,12 +52,12 @@ def held_out_errors(
     geodesics: Geodesics,
     noises: Sequence[float],
     seed: int,
-) -> FloatArray | None:
+) -> FloatArray:
     """Errors of held-out shapes that are recovered from a few of their vertices, by noise.
 
     Three shapes spread over the training shapes are held out (one for every four if there are fewer
     than 12), and recovered from 10 and from 40 control vertices. Shape 0, the reference, is never
-    held out.
+    held out. There are at least 4 shapes (`held_out_fits`).
 
     Args:
         train: trains on the other shapes.
@@ -67,12 +68,10 @@ def held_out_errors(
 
     Returns:
         (M,) logarithms of root mean square errors, averaged over the two numbers of control
-        vertices; None for fewer than 4 shapes.
+        vertices.
     """
     N, V = shapes.vertices.shape[:2]
     count = _held_out_count(N)
-    if count == 0:
-        return None
     held_out: IntArray = 1 + _spread(N - 1, count)
     fit = train(np.setdiff1d(np.arange(N), held_out))
     errors = np.zeros(len(noises))
@@ -105,38 +104,32 @@ def misfit_errors(
     shapes: MeshSequence,
     geodesics: Geodesics,
     misfits: Sequence[float],
-) -> FloatArray | None:
+    turn: int,
+) -> FloatArray:
     """Errors of held-out shapes in position and in stretch, by misfit.
 
-    As `held_out_errors`, but with the shapes of `held_out_turns`, from `HANDLE_COUNTS` control
-    vertices, which differ between turns.
+    As `held_out_errors`, but with the shapes of one of `held_out_turns`, from `HANDLE_COUNTS`
+    control vertices, which differ between turns.
 
     Args:
         train, shapes, geodesics: as there.
         misfits: M candidates, in increasing order, in bounding diagonals.
+        turn: index into `held_out_turns`.
 
     Returns:
         (2, M) means of the logarithms of the root mean square error and of the edges' deviation
-        (`geometry.sted_spatial`), from few and from many vertices; None for fewer than 3 shapes.
+        (`geometry.sted_spatial`), from few and from many vertices.
     """
     N, V = shapes.vertices.shape[:2]
-    turns = held_out_turns(N)
-    if not turns:
-        return None
-    found: list[list[list[float]]] = [[], []]
-    for turn, held_out in enumerate(turns):
-        fit = train(np.setdiff1d(np.arange(N), held_out))
-        for errors, count in zip(found, HANDLE_COUNTS, strict=True):
-            control = farthest_points(geodesics, min(count, V), turn)
-            for shape in shapes.vertices[held_out]:
-                poses = fit(control, shape[control], misfits[::-1])
-                errors.append([_log_error(shape, pose, shapes.faces) for pose in poses])
-    return np.array(found).mean(axis=1)[:, ::-1]
-
-
-def misfit_fits(shape_count: int) -> int:
-    """Number of handle fits of `misfit_errors` for every misfit, with `shape_count` shapes."""
-    return len(HANDLE_COUNTS) * sum(map(len, held_out_turns(shape_count)))
+    held_out = held_out_turns(N)[turn]
+    fit = train(np.setdiff1d(np.arange(N), held_out))
+    found = np.zeros((len(HANDLE_COUNTS), len(misfits)))
+    for errors, count in zip(found, HANDLE_COUNTS, strict=True):
+        control = farthest_points(geodesics, min(count, V), turn)
+        for shape in shapes.vertices[held_out]:
+            poses = fit(control, shape[control], misfits[::-1])
+            errors += [_log_error(shape, pose, shapes.faces) / len(held_out) for pose in poses]
+    return found[:, ::-1]
 
 
 def _log_error(shape: FloatArray, pose: FloatArray, faces: IntArray) -> float:

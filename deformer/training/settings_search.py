@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deformer.checks import checked_array
 from deformer.editing import HandleSolver
 from deformer.geometry import FloatArray, IntArray
+from deformer.model import HANDLE_COUNTS
 from deformer.network import ModelConfig
 from deformer.training.checkpoints import Stages
 from deformer.training.cross_validation import (
@@ -21,7 +21,6 @@ from deformer.training.cross_validation import (
     held_out_fits,
     held_out_turns,
     misfit_errors,
-    misfit_fits,
 )
 from deformer.training.loop import ProgressCallback, TrainingProgress
 from deformer.training.training_set import TrainingSet
@@ -29,8 +28,6 @@ from deformer.training.training_set import TrainingSet
 # Candidate noises of handle fits, in bounding diagonals. Smaller ones recover more from many
 # handles, but sometimes lead to a wrong pose with fewer handles than cross-validation tries.
 HANDLE_NOISES = (0.0005, 0.001, 0.002, 0.004, 0.008)
-# Key of the misfits' errors among the trials.
-_MISFIT = "misfit"
 # Candidate misfits of the model itself, in bounding diagonals; the one of two shapes, of which none
 # can be held out; the share by which errors must fall for another misfit than 0; the share by which
 # they may differ by chance; and the rounds of rigid relaxation of its fits.
@@ -74,8 +71,15 @@ class SettingsSearch:
         given = config.training.sparsity
         self._sparsities = SPARSITIES if given is None else (given,)
         self._epochs = min(_TRIAL_EPOCHS, config.training.epochs)
-        fits = held_out_fits(len(examples.shapes)) * len(HANDLE_NOISES)
-        self._total = len(self._sparsities) * (self._epochs + fits)
+        N = len(examples.shapes)
+        # Rounds and handle fits of a trial of the noises, and of each one of the misfits, which may
+        # turn out to be unnecessary.
+        fits = held_out_fits(N) * len(HANDLE_NOISES)
+        self._noise_work = self._epochs + fits if fits else 0
+        self._turns = held_out_turns(N)
+        fits = len(HANDLE_COUNTS) * len(HANDLE_MISFITS)
+        self._misfit_work = [self._epochs + fits * len(turn) for turn in self._turns]
+        self._total = len(self._sparsities) * self._noise_work + sum(self._misfit_work)
         self._done = 0
 
     def run(self) -> tuple[ModelConfig, float, tuple[float, float]]:
@@ -84,7 +88,7 @@ class SettingsSearch:
         Raises:
             KeyboardInterrupt: Ctrl-C; the finished trials are kept.
         """
-        measured = {sparsity: found for sparsity, found in self._all_errors() if found.size}
+        measured = {s: self._errors(s) for s in self._sparsities if self._noise_work}
         sparsity, noise = self._sparsities[0], HANDLE_NOISES[-1]
         if measured:
             least = min(found.min() for found in measured.values())
@@ -92,59 +96,53 @@ class SettingsSearch:
                 entry for entry in measured.items() if entry[1].min() <= least + _LEAST_GAIN
             )
             noise = HANDLE_NOISES[int(found.argmin())]
-        return self._config.with_training(sparsity=sparsity), noise, self._misfits(sparsity, noise)
+        misfits = self._misfits(sparsity, noise)
+        if self._done < self._total:
+            self._report(self._total - self._done)
+        return self._config.with_training(sparsity=sparsity), noise, misfits
 
     def _misfits(self, sparsity: float, noise: float) -> tuple[float, float]:
         """For few handles and for many, the best misfit, or 0 if that is nearly as good."""
-        N = len(self._examples.shapes)
-        if N >= MANY and noise < HANDLE_NOISES[-1]:
+        if len(self._examples.shapes) >= MANY and noise < HANDLE_NOISES[-1]:
             return 0.0, 0.0
-        trials = self._stages.load("trials") or {}
-        if _MISFIT in trials:
-            found = self._kept(trials, _MISFIT, (0, 0), (2, len(HANDLE_MISFITS)))
-        else:
-            turns = held_out_turns(N)
-            self._total += len(turns) * self._epochs + misfit_fits(N) * len(HANDLE_MISFITS)
-            config = self._config.with_training(sparsity=sparsity, epochs=self._epochs)
-            options = {"noise": noise, "relaxation": _MISFIT_RELAXATION}
-            errors = misfit_errors(
-                partial(self._fits, config, options, "misfit"),
-                self._examples.shapes,
-                self._examples.geodesics,
-                HANDLE_MISFITS,
-            )
-            found = trials[_MISFIT] = np.empty((0, 0)) if errors is None else errors
-            self._stages.save("trials", trials)
-        if not found.size:
+        if not self._turns:
             return _UNKNOWN_MISFIT, _UNKNOWN_MISFIT
-        few, many = map(_chosen, found)
+        config = self._config.with_training(sparsity=sparsity, epochs=self._epochs)
+        options = {"noise": noise, "relaxation": _MISFIT_RELAXATION}
+        fits = partial(self._fits, config, options, "misfit")
+        shapes, geodesics = self._examples.shapes, self._examples.geodesics
+        found = [
+            self._trial(
+                f"misfit {turn}",
+                (len(HANDLE_COUNTS), len(HANDLE_MISFITS)),
+                work,
+                partial(misfit_errors, fits, shapes, geodesics, HANDLE_MISFITS, turn),
+            )
+            for turn, work in enumerate(self._misfit_work)
+        ]
+        few, many = map(_chosen, np.mean(found, axis=0))
         return few, many
 
-    def _all_errors(self) -> Iterator[tuple[float, FloatArray]]:
-        """Each sparsity with its `_errors`; kept ones are not computed again."""
+    def _trial(
+        self, key: str, shape: tuple[int, ...], work: int, errors: Callable[[], FloatArray]
+    ) -> FloatArray:
+        """Errors of a trial by that key, whose `work` counts in progress; kept ones from before."""
         trials = self._stages.load("trials") or {}
-        for sparsity in self._sparsities:
-            key = str(sparsity)
-            if key in trials:
-                self._kept(trials, key, (0,), (len(HANDLE_NOISES),))
-                self._done += self._total // len(self._sparsities)
-            else:
-                trials[key] = self._errors(sparsity)
-                self._stages.save("trials", trials)
-            yield sparsity, trials[key]
-
-    def _kept(self, trials: dict[str, NDArray], key: str, *shapes: tuple[int, ...]) -> FloatArray:
-        """A trial's errors from a checkpoint; their shape is one of those given."""
+        if key not in trials:
+            trials[key] = errors()
+            self._stages.save("trials", trials)
+        else:
+            self._done += work
         where = f"{self._stages.place('trials')}: {key}"
-        return checked_array(trials[key], where, *shapes, remedy="delete the checkpoint")
+        return checked_array(trials[key], where, shape, remedy="delete the checkpoint")
 
     def _errors(self, sparsity: float) -> FloatArray:
-        """Logarithms of errors of held-out shapes, by handle noise; empty with too few shapes."""
+        """Logarithms of errors of held-out shapes, by handle noise."""
         config = self._config.with_training(sparsity=sparsity, epochs=self._epochs)
-        examples = self._examples
+        shapes, geodesics = self._examples.shapes, self._examples.geodesics
         fits = partial(self._fits, config, {}, "noise")
-        errors = held_out_errors(fits, examples.shapes, examples.geodesics, HANDLE_NOISES, 0)
-        return np.empty(0) if errors is None else errors
+        errors = partial(held_out_errors, fits, shapes, geodesics, HANDLE_NOISES, 0)
+        return self._trial(str(sparsity), (len(HANDLE_NOISES),), self._noise_work, errors)
 
     def _fits(
         self, config: ModelConfig, options: dict[str, Any], varied: str, indices: IntArray
@@ -158,7 +156,7 @@ class SettingsSearch:
             indices: (n,) training shapes.
         """
         examples = self._examples.subset(indices)
-        result = examples.train_network(config, on_progress=self._report)
+        result = examples.train_network(config, on_progress=lambda _: self._report())
         if result.interrupted:
             raise KeyboardInterrupt
         model = examples.build_model(result.weights, config, {}, {})
@@ -186,8 +184,8 @@ class SettingsSearch:
             yield pose.vertices
             self._report()
 
-    def _report(self, _: TrainingProgress | None = None) -> None:
-        self._done += 1
+    def _report(self, work: int = 1) -> None:
+        self._done += work
         if self._on_progress is not None:
             self._on_progress(TrainingProgress("cross-validation", self._done, self._total))
 

@@ -12,10 +12,11 @@ from deformer.geometry.sampling import farthest_points
 from deformer.network.config import FactorisationSettings, ModelConfig
 from deformer.training import settings_search
 from deformer.training.cross_validation import (
+    choose_noise,
     held_out_errors,
+    held_out_fits,
     held_out_turns,
     misfit_errors,
-    misfit_fits,
 )
 from deformer.training.factorisation import factor
 from shapes import bend, sequence, tube, twist
@@ -41,11 +42,12 @@ def test_errors_are_those_of_the_shapes_left_out():
 
     noises = (0.1, 0.2, 0.4)
     errors = held_out_errors(learn, shapes, Geodesics(shapes.mesh(0)), noises, 0)
-    assert errors is not None
     np.testing.assert_allclose(errors, np.log(noises))
     assert asked == [(count, (0.4, 0.2, 0.1)) for count in (10, 10, 10, 40, 40, 40)]
+    # None can be left out of three.
     few = shapes.subset([0, 1, 2])
-    assert held_out_errors(learn, few, Geodesics(few.mesh(0)), noises, 0) is None
+    assert held_out_fits(3) == 0
+    assert choose_noise(learn, few, Geodesics(few.mesh(0)), noises, 0) == 0.2
 
 
 @pytest.mark.parametrize("count", [3, 4, 6, 11, 12, 40])
@@ -78,13 +80,12 @@ def test_misfit_errors_are_of_positions_and_of_edges():
 
     noises = (1e-4, 2e-4, 4e-4)
     geodesics = Geodesics(shapes.mesh(0))
-    errors = misfit_errors(learn, shapes, geodesics, noises)
-    assert errors is not None
-    # Both errors are proportional to the deformation while it is small.
-    assert errors.shape == (2, 3)
-    np.testing.assert_allclose(np.diff(errors), np.log(2.0), rtol=0.01)
-    assert sorted(asked) == [5] * 4 + [40] * 4 and len(asked) == misfit_fits(5)
-    assert misfit_errors(learn, shapes.subset([0, 1]), geodesics, noises) is None
+    for turn in range(4):
+        errors = misfit_errors(learn, shapes, geodesics, noises, turn)
+        # Both errors are proportional to the deformation while it is small.
+        assert errors.shape == (2, 3)
+        np.testing.assert_allclose(np.diff(errors), np.log(2.0), rtol=0.01)
+    assert asked == [5, 40] * 4
 
 
 @pytest.mark.parametrize(
@@ -100,7 +101,7 @@ def test_misfit_errors_are_of_positions_and_of_edges():
 def test_the_misfit_is_the_best_unless_none_is_as_good(errors, least, most, monkeypatch):
     calls = []
 
-    def scripted(train_on, shapes, geodesics, misfits):
+    def scripted(train_on, shapes, geodesics, misfits, turn):
         calls.append(misfits)
         return np.array([errors, np.arange(len(misfits), 0, -1)])
 
@@ -108,7 +109,7 @@ def test_the_misfit_is_the_best_unless_none_is_as_good(errors, least, most, monk
     model = train(sequence(6), config=QUICK.with_training(sparsity=2.0), device="cpu")
     few, many = model.handle_misfits
     assert least <= few <= most and many == pytest.approx(settings_search.HANDLE_MISFITS[-1])
-    assert calls == [settings_search.HANDLE_MISFITS]
+    assert calls == [settings_search.HANDLE_MISFITS] * 5
 
 
 @pytest.mark.parametrize(("best", "asked"), [(0, False), (-1, True)])
@@ -120,7 +121,7 @@ def test_many_examples_that_want_a_small_noise_are_trusted(best, asked, monkeypa
         errors[best] = 0.0
         return errors
 
-    def scripted(train_on, shapes, geodesics, misfits):
+    def scripted(train_on, shapes, geodesics, misfits, turn):
         calls.append(misfits)
         return np.array([np.arange(len(misfits), dtype=float)] * 2)
 
@@ -209,12 +210,29 @@ def test_many_clean_examples_of_few_motions_ask_for_less_sparsity():
 
 
 @pytest.mark.slow
-def test_progress_counts_all_that_trials_do():
+@pytest.mark.parametrize(("count", "best"), [(3, 0), (5, 0), (12, 0), (12, -1)])
+def test_progress_counts_all_that_trials_may_do(count, best, monkeypatch):
+    """The total is known at first; trials of the misfit that are not needed count as done."""
+    true_errors = settings_search.held_out_errors
+
+    def noise_errors(*args):
+        errors = np.ones_like(true_errors(*args))
+        errors[best] = 0.0
+        return errors
+
+    monkeypatch.setattr(settings_search, "held_out_errors", noise_errors)
     seen = []
-    train(sequence(12), config=QUICK, device="cpu", on_progress=seen.append)
+    train(sequence(count), config=QUICK, device="cpu", on_progress=seen.append)
     counted = [(p.done, p.total) for p in seen if p.stage == "cross-validation"]
-    total = 3 * (4 + 6 * len(settings_search.HANDLE_NOISES))  # sparsities, rounds, fits, noises
-    assert counted == [(n, total) for n in range(1, total + 1)]
+    noises, misfits = len(settings_search.HANDLE_NOISES), len(settings_search.HANDLE_MISFITS)
+    # Three sparsities of 4 rounds; then the turns of the misfit, with 5 and with 40 handles.
+    of_noise = {3: 0, 5: 3 * (4 + 2 * noises), 12: 3 * (4 + 6 * noises)}[count]
+    turns = {3: [1, 1], 5: [1, 1, 1, 1], 12: [3]}[count]
+    total = of_noise + sum(4 + 2 * misfits * held_out for held_out in turns)
+    expected = list(range(1, total + 1))
+    if count == 12 and best == 0:
+        expected = [*range(1, of_noise + 1), total]
+    assert counted == [(n, total) for n in expected]
 
 
 def test_control_c_while_settings_are_chosen_is_passed_on():
