@@ -13,6 +13,12 @@ from .directories import (
     check_directory as check_directory,
     digest as digest,
 )
+from .glb_builder import (
+    INDICES as INDICES,
+    VERTICES as VERTICES,
+    GlbBuilder as GlbBuilder,
+    glb_of as glb_of,
+)
 from .json_files import (
     HandleFile as HandleFile,
     HandleTarget as HandleTarget,

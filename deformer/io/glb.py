@@ -10,6 +10,7 @@ import numpy as np
 
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
+from deformer.io.glb_builder import INDICES, VERTICES, GlbBuilder
 from deformer.io.parsing import fan_triangles
 
 _FLOAT = {5126: "<f4"}
@@ -317,10 +318,10 @@ def _strings(values: Any) -> list[str]:
 
 def write_glb(vertices: FloatArray, faces: IntArray) -> bytes:
     """GLB of vertices (V, 3) and faces (F, 3), positions as float32."""
-    # The import takes most of a second, and nothing else needs it.
-    from trimesh import Trimesh
-    from trimesh.exchange.gltf import export_glb
-
-    # process=True would merge coincident vertices and drop those without a face.
-    scene = Trimesh(vertices, faces, process=False).scene()
-    return bytes(export_glb(scene, include_normals=False))
+    asset = GlbBuilder()
+    attributes = {"POSITION": asset.add_array(vertices, VERTICES)}
+    corners = asset.add_array(faces.ravel().astype("<u4"), INDICES)
+    mesh = asset.add("meshes", {"primitives": [{"attributes": attributes, "indices": corners}]})
+    asset.add("scenes", {"nodes": [asset.add("nodes", {"mesh": mesh})]})
+    asset.json["scene"] = 0
+    return asset.data
