@@ -225,6 +225,13 @@ class DecodedSurface:
         self._wait()
         self._reset_rotations()
 
+    def take_rotations(self, other: DecodedSurface) -> None:
+        """Copy the rotations of another surface of the same model."""
+        self._wait()
+        other._wait()
+        self._has_rotations = other._has_rotations
+        self._quaternions, self._R = other._quaternions.copy(), other._R.copy()
+
     def _reset_rotations(self) -> None:
         """Set all rotations to the identity, both the quaternions and their matrices."""
         self._has_rotations = False

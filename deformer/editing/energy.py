@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from deformer.editing.handle_errors import model_error, whitening
+from deformer.editing.handle_errors import ModelErrors
 from deformer.editing.handle_positions import Evaluation, HandlePositions
 from deformer.editing.unknowns import MOTION, Unknowns
 from deformer.geometry import FloatArray, log_to_rotation, right_jacobian
@@ -63,8 +63,7 @@ class HandleEnergy:
         freedom: factor on the standard deviations S; None is the minimum above.
         rigid_term: index of the only term of the minimum that counts, 0 or 1; None is the minimum.
         limits: limits of bends; None for models without.
-        misfit: τ, standard deviation of the model's own error at a handle, in bounding diagonals.
-        correlation: (H, H) correlations of these errors; None if τ is 0.
+        errors: the model's own at the handles; None if τ is 0.
     """
 
     prior: LatentPrior
@@ -79,8 +78,7 @@ class HandleEnergy:
     freedom: float | None = None
     rigid_term: int | None = None
     limits: BendLimits | None = None
-    misfit: float = 0.0
-    correlation: FloatArray | None = None
+    errors: ModelErrors | None = None
 
     @classmethod
     def of_model(cls, model: DeformationModel, noise: float, rigid: bool) -> HandleEnergy:
@@ -101,6 +99,11 @@ class HandleEnergy:
     def by_rigid_term(self) -> list[HandleEnergy]:
         """One energy for each term of the minimum m(ω, t); this energy is their minimum."""
         return [replace(self, rigid_term=term) for term in range(len(self._stiffnesses))]
+
+    @property
+    def misfit(self) -> float:
+        """τ, standard deviation of the model's own error at a handle, in bounding diagonals."""
+        return 0.0 if self.errors is None else self.errors.misfit
 
     @property
     def components(self) -> int:
@@ -284,19 +287,18 @@ class HandleEnergy:
 
         They are matrices where the model has an error of its own.
         """
-        if self.correlation is None:
+        if self.errors is None:
             return np.sqrt(weights) / (self.noise * self.diagonal)
-        return whitening(weights, self.noise, self.misfit, self.correlation) / self.diagonal
+        return self.errors.whitening(weights, self.noise) / self.diagonal
 
-    def model_error(self, weights: FloatArray) -> FloatArray:
-        """Matrices (..., H, H) from the handles' errors to the model's, of weights (..., H).
+    def model_error(self, at: FloatArray) -> FloatArray:
+        """Expected error (H, 3) of the model at handles whose positions are `at` (H, 3).
 
-        Raises:
-            ValueError: the model has no error of its own.
+        It points from the positions to where the handles are without their targets' errors.
         """
-        if self.correlation is None:
-            raise ValueError("model_error: the model has no misfit")
-        return model_error(weights, self.noise, self.misfit, self.correlation)
+        if self.errors is None:
+            return np.zeros_like(at)
+        return self.errors.expected(self.weights, self.noise) @ (self.targets - at)
 
     @cached_property
     def _whitening(self) -> FloatArray:
@@ -304,7 +306,7 @@ class HandleEnergy:
 
     def _whitened(self, errors: FloatArray) -> FloatArray:
         """Errors of the handles (H, 3), or their derivatives (H, 3, n), in deviations."""
-        if self.correlation is None:
+        if self.errors is None:
             return self._whitening.reshape(-1, *(1,) * (errors.ndim - 1)) * errors
         return np.tensordot(self._whitening, errors, 1)
 

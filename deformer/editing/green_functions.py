@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from deformer.editing.arap import DecodedSurface
 from deformer.editing.cubature import Grouping, choose_landmarks
 from deformer.editing.exact_handles import ExactHandles
+from deformer.editing.handle_errors import ModelErrors
 from deformer.editing.handle_kernels import BlockDecoder, BlockHandlePositions
 from deformer.editing.handle_positions import DenseHandlePositions, HandlePositions
 from deformer.editing.orientations import LocalFrames
@@ -79,7 +80,7 @@ class HandleBasis:
         # Rows of the model's misfit, of handles for which it was asked.
         self._misfit_rows: dict[RowPoint, FloatArray] = {}
         self.points: list[RowPoint] = []
-        self._correlation: FloatArray | None = None
+        self._errors: ModelErrors | None = None
         self._exact_positions: DenseHandlePositions | None = None
         self._landmark_positions: HandlePositions | None = None
         self.landmark_coefficients = np.empty((0, len(landmarks), 3))
@@ -107,7 +108,7 @@ class HandleBasis:
             self._bending_rows.pop(gone, None)
             self._misfit_rows.pop(gone, None)
         self.points = list(points)
-        self._exact_positions = self._landmark_positions = self._correlation = None
+        self._exact_positions = self._landmark_positions = self._errors = None
         rows = [self._rows[point] for point in points]
         by_landmark = np.array([entry.landmark_coefficients for entry in rows])
         self.landmark_coefficients = by_landmark.reshape(len(rows), self._grouping.count, 3)
@@ -166,25 +167,39 @@ class HandleBasis:
         diagonal = self.model.reference.bounding_diagonal
         return ExactHandles(self._surface_points(points), rows, diagonal)
 
-    def correlation(self) -> FloatArray:
-        """Correlations (H, H) of the model's errors at the handles.
+    def misfit_rows(self) -> FloatArray:
+        """Covariances (H, V) of the model's errors at the handles and at all vertices.
 
-        They are those of a thin plate on an elastic foundation (`PoissonSystem.foundation_rows`).
+        They are those of a thin plate on an elastic foundation (`PoissonSystem.foundation_rows`),
+        of any scale.
         """
-        if self._correlation is not None:
-            return self._correlation
         new = [point for point in self.points if point not in self._misfit_rows]
         where = self._surface_points(new)
         rows = self.model.poisson.foundation_rows(where.index, where.weights)
         self._misfit_rows.update(zip(new, rows, strict=True))
+        found = [self._misfit_rows[point] for point in self.points]
+        return np.array(found).reshape(len(found), len(self.model.reference.vertices))
+
+    def misfit_block(self) -> FloatArray:
+        """Covariances (H, H) of the model's errors at the handles, of the scale of the rows."""
         where = self._surface_points(self.points)
-        found = np.array([self._misfit_rows[point] for point in self.points])
-        K = np.einsum("hm,ghm->gh", where.weights, found[:, where.index])
-        scale = 1.0 / np.sqrt(np.diag(K))
+        K = np.einsum("hm,ghm->gh", where.weights, self.misfit_rows()[:, where.index])
         # Rounding makes Green's functions slightly asymmetric.
-        correlation: FloatArray = 0.5 * (K + K.T) * scale[:, None] * scale
-        self._correlation = correlation
-        return correlation
+        return 0.5 * (K + K.T)
+
+    def model_errors(self, misfit: float) -> ModelErrors:
+        """The model's errors at the handles.
+
+        The same object, with what it keeps, for the same handles and misfit.
+
+        Args:
+            misfit: τ, in bounding diagonals; positive.
+        """
+        if self._errors is None or self._errors.misfit != misfit:
+            K = self.misfit_block()
+            scale = 1.0 / np.sqrt(np.diag(K))
+            self._errors = ModelErrors(misfit, K * scale[:, None] * scale)
+        return self._errors
 
     def landmark_positions(self) -> HandlePositions:
         """Handle positions by landmarks: fast, with the error of cubature."""

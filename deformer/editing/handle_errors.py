@@ -1,7 +1,7 @@
 """Errors of handles: those of targets are independent, the model's own are alike at near handles.
 
 The model misses a shape by a smooth field, of standard deviation τ and with the correlations K of a
-thin plate (`HandleBasis.correlation`): a limb that no example bends so far is off as a whole. Many
+thin plate (`HandleBasis.misfit_rows`): a limb that no example bends so far is off as a whole. Many
 handles on it tell that once, not many times, and the code is not bent out of shape for them.
 """
 
@@ -30,13 +30,38 @@ def whitening(
     return np.asarray(np.linalg.solve(factor, scaled), dtype=np.float64)
 
 
-def model_error(
-    weights: FloatArray, noise: float, misfit: float, correlation: FloatArray
-) -> FloatArray:
-    """τ² K Σ⁻¹ (..., H, H): the expected error of the model, given the whole error.
+class ModelErrors:
+    """The errors of a model at its handles: their size and their correlations.
+
+    The matrices of one set of weights and one noise are kept, for the frames of a drag share them.
 
     Args:
-        weights, noise, misfit, correlation: as in `whitening`.
+        misfit: τ, standard deviation at a handle, in bounding diagonals; positive.
+        correlation: K (H, H).
     """
-    W = whitening(weights, noise, misfit, correlation)
-    return misfit**2 * correlation @ np.swapaxes(W, -1, -2) @ W
+
+    def __init__(self, misfit: float, correlation: FloatArray) -> None:
+        """Store the arguments."""
+        self.misfit, self.correlation = misfit, correlation
+        self._kept: tuple[float, FloatArray, FloatArray] | None = None
+        self._expected: FloatArray | None = None
+
+    def whitening(self, weights: FloatArray, noise: float) -> FloatArray:
+        """`whitening` (..., H, H) of weights (..., H) and a noise in bounding diagonals."""
+        kept = self._kept
+        if kept is None or kept[0] != noise or not np.array_equal(kept[1], weights):
+            W = whitening(weights, noise, self.misfit, self.correlation)
+            self._kept, self._expected = (noise, weights.copy(), W), None
+            return W
+        return kept[2]
+
+    def expected(self, weights: FloatArray, noise: float) -> FloatArray:
+        """τ² K Σ⁻¹ (..., H, H): the expected error of the model, given the whole error.
+
+        Args:
+            weights, noise: as in `whitening`.
+        """
+        W = self.whitening(weights, noise)
+        if self._expected is None:
+            self._expected = self.misfit**2 * self.correlation @ np.swapaxes(W, -1, -2) @ W
+        return self._expected

@@ -40,6 +40,8 @@ _REFINEMENTS = 10
 _RESTING = 1e-2
 _RESTING_GAIN = 1e-9
 _LOWER = 5e-3
+# The relative gain of such a solve that, once all that is searched, is the last.
+_STILL = 1e-4
 # Noise chosen by the search: the change that is followed, and the most changes in one minimum.
 _NOISE_CHANGE, _NOISE_CHANGES = 1.05, 8
 # Shares of a refining step, tried in turn until one lowers the exact energy.
@@ -104,6 +106,7 @@ class _Cache:
         search: the search of a cold solve, as far as it has come since the handles are at rest;
             None while they move.
         searched: true once that search has ended.
+        settled: true once refinement has ended, too.
     """
 
     x: FloatArray | None = None
@@ -113,6 +116,7 @@ class _Cache:
     solved_for: tuple[FloatArray, FloatArray] | None = None
     search: _Search | None = None
     searched: bool = False
+    settled: bool = False
 
     def invalidate(self, *, vertices: bool = False) -> None:
         """Drop the results that a changed energy invalidates; the unknowns x stay.
@@ -127,7 +131,7 @@ class _Cache:
 
     def forget_search(self) -> None:
         """Drop what was searched at rest, because the handles have moved."""
-        self.search, self.searched = None, False
+        self.search, self.searched, self.settled = None, False, False
 
 
 class CodeSearch:
@@ -166,10 +170,8 @@ class CodeSearch:
 
     def set_targets(self, targets: FloatArray, weights: FloatArray, misfit: float) -> None:
         """Set targets (H, 3) and weights (H,) of the basis's handles, and the model's misfit."""
-        alike = self._basis.correlation() if misfit and len(weights) else None
-        self.energy = replace(
-            self.energy, targets=targets, weights=weights, misfit=misfit, correlation=alike
-        )
+        errors = self._basis.model_errors(misfit) if misfit and len(weights) else None
+        self.energy = replace(self.energy, targets=targets, weights=weights, errors=errors)
 
     def vertices_changed(self) -> None:
         """Drop what depends on the handle vertices; to be called after the basis's have changed."""
@@ -243,7 +245,8 @@ class CodeSearch:
             try:
                 steps += next(search)
             except StopIteration as ended:
-                self._cache.search, self._cache.searched = None, True
+                cache = self._cache
+                cache.search, cache.searched, cache.settled = None, True, True
                 return self._adopt(ended.value), steps
 
     def _adopt(self, found: _Found) -> State:
@@ -315,8 +318,22 @@ class CodeSearch:
 
     @property
     def at_rest(self) -> bool:
-        """True once warm solves with unchanged targets have nothing left to try."""
-        return self._cache.searched and self._targets_unchanged()
+        """True once warm solves with unchanged targets have nothing left to try or to refine."""
+        return self._cache.settled and self._targets_unchanged()
+
+    def current(self) -> State:
+        """The state of the last solution, with its energy for the present targets.
+
+        The same object as long as the search is at rest.
+
+        Raises:
+            ValueError: there is no last solution.
+        """
+        cache = self._cache
+        if cache.x is None:
+            raise ValueError("current: there is no solution; call cold first")
+        state = cache.state = cache.state or self.evaluate(cache.x)
+        return state if self.at_rest else replace(state, energy=self.energy.value(state.x, state.p))
 
     def warm(self, explore: bool = True) -> tuple[State, int]:
         """One frame: descend by landmarks from the last solution, then evaluate all vertices.
@@ -332,19 +349,18 @@ class CodeSearch:
             The state, and the steps taken.
 
         Raises:
-            ValueError: there is no last solution.
+            ValueError: there is no last solution to start from.
         """
-        cache = self._cache
-        if cache.x is None:
-            raise ValueError("warm: there is no solution to start from; call cold first")
+        cache, state = self._cache, self.current()
         self.jumped = False
-        state = cache.state or self.evaluate(cache.x)
-        # The energy of the last unknowns changes with the targets.
-        state = replace(state, energy=self.energy.value(state.x, state.p))
+        if self.at_rest:
+            return state, 0
         if self._targets_unchanged():
             found, cache.correction, steps = self._refined(self.energy, state, cache.correction)
+            gain = state.energy - found.energy
+            cache.settled = cache.searched and gain <= _STILL * state.energy + _RESTING_GAIN
             least_gain = _RESTING * state.energy + _RESTING_GAIN
-            if explore and not cache.searched and state.energy - found.energy <= least_gain:
+            if explore and not cache.searched and gain <= least_gain:
                 found, more = self._explore(found)
                 steps += more
             return self._keep(found), steps

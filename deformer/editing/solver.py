@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from deformer.checks import (
     LARGEST,
@@ -32,11 +32,12 @@ from deformer.editing.handles import (
     check_target,
 )
 from deformer.editing.orientations import LocalFrame, checked_orientations, turned_by
+from deformer.editing.posed_surface import PosedSurface
 from deformer.editing.search import CodeSearch, State
 from deformer.editing.units import unit_warning
 from deformer.editing.unknowns import Unknowns
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, IntArray, RowPoint, SurfacePoint, SurfacePoints
+from deformer.geometry import FloatArray, RowPoint, SurfacePoint, SurfacePoints
 from deformer.linalg import CORES, one_blas_thread
 from deformer.model import DeformationModel
 
@@ -53,13 +54,6 @@ _KERNELS = (
     "deformer.editing.kernels",
     "deformer.editing.handle_kernels",
 )
-# Steps of the local rotation fits: in a frame of a drag, which continues from the frame before; in
-# the first round of relaxation of a cold solve; in each later round.
-_FRAME_ROTATION_STEPS = 1
-_FIRST_ROTATION_STEPS = 60
-_ROTATION_STEPS = 10
-# A round of relaxation that moves no vertex by this much, in bounding diagonals, is the last one.
-_RELAXED = 2e-5
 # A warm solve that lowers the energy by a smaller share than this has converged.
 _CONVERGED = 1e-3
 
@@ -112,15 +106,10 @@ class HandleSolver:
         _check_parameters(used, freedom, misfit)
         compile_kernels(_KERNELS, CORES)
         self.model = model
-        self.relaxation = relaxation
         self.basis = HandleBasis(model)
-        self._surface = self.basis.surface
         energy = HandleEnergy.of_model(model, used, rigid)
         self._search = CodeSearch(energy, self.basis, model.codes)
-        self._exact = self.basis.exact_handles([])
-        self._exact_points: list[RowPoint] = []
-        self._exact_index: IntArray = np.zeros(0, dtype=np.int64)
-        self._hard: NDArray[np.bool_] = np.zeros(0, dtype=bool)
+        self._surface = PosedSurface(self._search, self.basis, relaxation)
         self._warning: str | None = None
         self._handles: list[Handle] = []
         self._misfit = misfit
@@ -138,6 +127,11 @@ class HandleSolver:
     def solution(self) -> FloatArray | None:
         """Unknowns (K+6,) of the last solution, as of `energy`; None before the first."""
         return self._search.solution
+
+    @property
+    def relaxation(self) -> int:
+        """The most rounds of rigid relaxation."""
+        return self._surface.rounds
 
     @property
     def handles(self) -> list[Handle]:
@@ -243,7 +237,10 @@ class HandleSolver:
         rotation = checked_array(rotation, "rotation", (3,), largest=LARGEST)
         t = checked_array(translation, "translation", (3,)) / energy.diagonal
         checked_array(t, "translation", largest=LARGEST)
-        return self._restart(energy.unknowns(code, rotation, t))
+        begun = time.perf_counter()
+        with one_blas_thread():
+            state = self._search.restart(energy.unknowns(code, rotation, t))
+            return self._pose(begun, state, 0, self._surface.relaxed(state))
 
     def relax(self) -> Pose:
         """The pose of the last solution, its rigid relaxation run anew until it ends (`restore`).
@@ -253,16 +250,10 @@ class HandleSolver:
         """
         if self.solution is None:
             raise InputError("the solver has no solution yet to relax; call solve first")
-        return self._restart(self.solution)
-
-    def _restart(self, x: FloatArray) -> Pose:
-        """The pose of unknowns x (K+6,), which become the last solution."""
         begun = time.perf_counter()
         with one_blas_thread():
-            self._surface.reset()
-            state = self._search.restart(x)
-            pose = self._pose(state, 0, self._relaxed_vertices(state))
-        return replace(pose, milliseconds=1000.0 * (time.perf_counter() - begun))
+            state = self._search.current()
+            return self._pose(begun, state, 0, self._surface.relaxed(state))
 
     def _code(self, z: ArrayLike, name: str) -> FloatArray:
         return checked_array(z, name, (self.model.components,), largest=LARGEST).copy()
@@ -274,31 +265,37 @@ class HandleSolver:
             warm: true to start from the last solution alone, for a frame of a drag. Otherwise
                 several starts are tried, and the result does not depend on what was solved before.
                 Warm solves with unchanged targets converge, and then try those starts, too, one a
-                call, until `at_rest`.
+                call, until nothing is left to try; then the rigid relaxation ends, and the pose
+                comes to that of `relax` in small steps, until `at_rest`.
         """
         return self._solve(warm, explore=True)
 
     @property
     def at_rest(self) -> bool:
-        """True once further warm solves of the present handles would change nothing."""
-        return self._search.at_rest
+        """True once further warm solves of the present handles would change nothing.
+
+        The pose is then that of `relax`.
+        """
+        search = self._search
+        return search.at_rest and self._surface.at_rest(search.current())
 
     def _solve(self, warm: bool, explore: bool) -> Pose:
         begun = time.perf_counter()
+        search, surface = self._search, self._surface
         with one_blas_thread():
             if warm and self.solution is not None:
-                state, steps = self._search.warm(explore)
-                if self._search.jumped:
-                    self._surface.reset()
-                    vertices = self._relaxed_vertices(state)
+                before = search.current()
+                state, steps = search.warm(explore)
+                if search.jumped:
+                    vertices = surface.jumped(before, state)
+                elif search.at_rest:
+                    vertices = surface.settled(state)
                 else:
-                    vertices = self._frame_vertices(state)
+                    vertices = surface.frame(state)
             else:
-                self._surface.reset()
-                state, steps = self._search.cold()
-                vertices = self._relaxed_vertices(state)
-            pose = self._pose(state, steps, vertices)
-        return replace(pose, milliseconds=1000.0 * (time.perf_counter() - begun))
+                state, steps = search.cold()
+                vertices = surface.relaxed(state)
+            return self._pose(begun, state, steps, vertices)
 
     def solve_to_convergence(self, solves: int = 8) -> Pose:
         """Solve from the last solution, again and again until the energy no longer falls.
@@ -390,15 +387,7 @@ class HandleSolver:
             targets /= weights[:, None]
         misfit = self.model.misfit_of(len(handles)) if self._misfit is None else self._misfit
         self._search.set_targets(targets, weights, misfit)
-        self._hard = hard
-        # A model with an error of its own deforms its shape by the misfit of soft handles, too.
-        reaching = hard | (self.energy.misfit > 0)
-        self._exact_index = np.flatnonzero(reaching)
-        exact = [points[n] for n in self._exact_index]
-        if exact != self._exact_points:
-            self._exact_points, self._exact = exact, self.basis.set_exact(exact)
-            if len(exact) == 0:
-                self._surface.reset()
+        self._surface.set_exact(hard)
 
     def _rows(self, handle: Handle) -> list[tuple[RowPoint, ArrayLike, float, bool]]:
         """Points, targets and weights by which a handle enters the energy; true if exact."""
@@ -423,39 +412,7 @@ class HandleSolver:
                 found[h] = turned_by(R, np.array(handle.orientation))
         return found
 
-    def _frame_vertices(self, state: State) -> FloatArray:
-        """Positions (V, 3) of a state, with the rotations that the last frame's relaxation left."""
-        vertices = self._solved_vertices(state)
-        if len(self._exact) and self.relaxation:
-            self._surface.relax(_FRAME_ROTATION_STEPS)
-        return vertices
-
-    def _relaxed_vertices(self, state: State) -> FloatArray:
-        """Positions (V, 3) of a state, after rounds of rigid relaxation for its exact handles."""
-        vertices = self._solved_vertices(state)
-        for n in range(self.relaxation if len(self._exact) else 0):
-            self._surface.relax(_ROTATION_STEPS if n else _FIRST_ROTATION_STEPS)
-            before, vertices = vertices, self._solved_vertices(state)
-            if np.abs(vertices - before).max() < _RELAXED * self.energy.diagonal:
-                break
-        return vertices
-
-    def _solved_vertices(self, state: State) -> FloatArray:
-        """Positions (V, 3) of a state by the present rotations, exact handles at their targets."""
-        self._search.decode(state)
-        motion = self.energy.rigid_motion(state.x)
-        return self._exact.solve(self._surface, *motion, self._goals(state)[self._exact_index])
-
-    def _goals(self, state: State) -> FloatArray:
-        """Where the shape of a state deforms to: exact handles to their targets, soft ones near."""
-        energy = self.energy
-        if self._hard.all() or not energy.misfit:
-            return energy.targets
-        at = energy.move(state.x, state.p)
-        soft = at + energy.model_error(energy.weights) @ (energy.targets - at)
-        return np.where(self._hard[:, None], energy.targets, soft)
-
-    def _pose(self, state: State, steps: int, vertices: FloatArray) -> Pose:
+    def _pose(self, begun: float, state: State, steps: int, vertices: FloatArray) -> Pose:
         energy, x = self.energy, Unknowns(state.x)
         targets = np.array([handle.target for handle in self._handles]).reshape(-1, 3)
         places = self._places.at(vertices)
@@ -467,7 +424,7 @@ class HandleSolver:
             residual=np.linalg.norm(places - targets, axis=1),
             orientation_residual=self._turned(vertices),
             iterations=steps,
-            milliseconds=0.0,
+            milliseconds=1000.0 * (time.perf_counter() - begun),
             prior_distance=float(np.linalg.norm(x.code)),
             energy=state.energy,
         )

@@ -17,7 +17,6 @@ from deformer_app.viewer.session import Session
 
 # Improved poses of one request, at most: while the mouse does not move, and after its release.
 _FRAMES = 200
-_STILL = 1e-4  # relative decrease of the energy that counts as converged
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,14 +110,15 @@ class PoseWorker:
             return
         yield self._answer(request, pose, False)
         for _ in range(_FRAMES):
-            before, pose = pose, self._solver.solve(warm=True)
-            if self._solver.at_rest and pose.energy > before.energy * (1.0 - _STILL):
+            pose = self._solver.solve(warm=True)
+            if self._solver.at_rest:
                 break
             yield self._answer(request, pose, False)
-        if not request.moving:
-            # As a function of its code and handles alone; only exact handles are relaxed.
-            exact = any(handle.hard for handle in self._solver.handles)
-            yield self._answer(request, self._solver.relax() if exact else pose, True)
+        if request.moving:
+            yield self._answer(request, pose, False)
+            return
+        # As a function of its code and handles alone.
+        yield self._answer(request, pose if self._solver.at_rest else self._solver.relax(), True)
 
     def begin(self, edit: Edit, solution: Solution | None = None) -> Pose:
         """Return the pose of an edit: a known one, or one step from the last."""
