@@ -46,7 +46,10 @@ RESULTS = {
 OTHERS = {
     *("shipped_models", "io.MESH_SUFFIXES", "io.LARGEST", "io.JsonValue", "io.HandleFile"),
     *("io.HandleTarget", "io.save_copy", "io.atomic_directory", "io.check_directory"),
-    *("io.begins_with", "io.digest"),
+    *("io.begins_with", "io.digest", "io.SHAPE_SUFFIXES"),
+    # Parts of files, and what reading gives.
+    *("io.GlbBuilder", "io.glb_of", "io.VERTICES", "io.INDICES"),
+    *("io.GltfAsset", "io.GltfScene", "io.VertexRange"),
 }
 
 
@@ -58,6 +61,7 @@ def calls(tmp_path_factory):
     mesh, V = model.reference, model.reference.vertices
     model.save(folder / "model")
     io.save_mesh(folder / "a.ply", mesh)
+    io.save_mesh(folder / "a.glb", mesh)
     io.save_shapes(folder / "s.npz", shapes)
     io.write_json(folder / "h.json", {"handles": [{"vertex": 3, "position": [0, 0, 0]}]})
     io.write_json(folder / "split.json", {"train": [0, 1], "test": [2]})
@@ -90,7 +94,7 @@ def calls(tmp_path_factory):
         "Handle": (3, [0.0, 0, 0], 1.0, "soft", [1.0, 0, 0, 0], 1.0),
         "HandleSolver": {"model": model},
         "Mesh": (V, mesh.faces),
-        "MeshSequence": (shapes.vertices, shapes.faces),
+        "MeshSequence": (shapes.vertices, shapes.faces, ("a", "b", "c")),
         "ModelConfig": {},
         "PoissonSystem": (mesh,),
         "SurfacePoint": ((1, 2), (0.5, 0.5), 0.0),
@@ -112,7 +116,7 @@ def calls(tmp_path_factory):
         "load_mesh": (folder / "a.ply",),
         "local_rotations": (model, [3], V),
         "load_model": (folder / "model",),
-        "load_shapes": (folder / "s.npz",),
+        "load_shapes": {"path": folder / "s.npz", "progress": None, "fps": 24.0, "clip": None},
         "log_to_rotation": (np.zeros((2, 3)),),
         "reconstruct": (shapes, features, 0),
         "remove_checkpoint": (folder / "checkpoint",),
@@ -164,6 +168,8 @@ def calls(tmp_path_factory):
         "io.locked": (entered(io.locked), (folder / "w", 0.0)),
         "io.parse_value": (io.parse_value, ("{}",)),
         "io.read_bytes": (io.read_bytes, (folder / "h.json",)),
+        "io.packed_gltf": (io.packed_gltf, (folder / "a.glb",)),
+        "io.read_gltf": (io.read_gltf, (folder / "a.glb",)),
         "io.read_json": (io.read_json, (folder / "h.json",)),
         "io.read_metadata": (io.read_metadata, (folder / "t.safetensors",)),
         "io.read_tensors": (io.read_tensors, (folder / "t.safetensors",)),
@@ -202,7 +208,7 @@ def attempts(function, given):
                 yield (*given[:n], value, *given[n + 1 :]), {}, n, value
         return
     for name, parameter in inspect.signature(function).parameters.items():
-        if name != "on_progress" and parameter.kind is not parameter.VAR_KEYWORD:
+        if name not in ("on_progress", "progress") and parameter.kind is not parameter.VAR_KEYWORD:
             for value in JUNK:
                 yield (), {**given, name: value}, name, value
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,7 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
-from deformer.checks import as_array, checked_array, checked_indices, checked_integer
+from deformer.checks import (
+    as_array,
+    checked_array,
+    checked_indices,
+    checked_integer,
+    checked_text,
+    shortened,
+)
 from deformer.errors import InputError
 from deformer.geometry.links import spanning_links
 
@@ -62,6 +70,17 @@ def _check_vertices(vertices: ArrayLike, ndim: int) -> FloatArray:
     return _frozen(array)
 
 
+def _checked_names(names: Sequence[str], count: int) -> tuple[str, ...]:
+    if not isinstance(names, tuple | list):
+        raise InputError(f"names: expected a tuple of texts, got {shortened(names)}; list them")
+    if names and len(names) != count:
+        raise InputError(
+            f"names: {len(names)} of them, expected {count} as there are shapes, or none; name "
+            "every shape"
+        )
+    return tuple(checked_text(name, f"names[{n}]") for n, name in enumerate(names))
+
+
 def _frozen(array: NDArray) -> NDArray:
     array.setflags(write=False)
     return array
@@ -111,19 +130,22 @@ class MeshSequence:
     Args:
         vertices: (N, V, 3) finite positions, kept as read-only float64 in the data's own units.
         faces: (F, 3) vertex indices shared by all shapes, kept as int64.
+        names: N texts, one for each shape; empty if the shapes have no names.
 
     Raises:
-        InputError: wrong shape, an index out of range, or a position that is not finite or is
-            beyond ±1e60.
+        InputError: wrong shape, an index out of range, a position that is not finite or is beyond
+            ±1e60, or another number of names.
     """
 
     vertices: FloatArray
     faces: IntArray
+    names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the arrays and keep read-only copies."""
         object.__setattr__(self, "vertices", _check_vertices(self.vertices, 3))
         object.__setattr__(self, "faces", checked_faces(self.faces, self.vertices.shape[1]))
+        object.__setattr__(self, "names", _checked_names(self.names, len(self.vertices)))
 
     def __len__(self) -> int:
         """Count the shapes."""
@@ -147,7 +169,8 @@ class MeshSequence:
             InputError: no such shape.
         """
         chosen = checked_indices(indices, "indices", len(self), what="shape")
-        return MeshSequence(self.vertices[chosen], self.faces)
+        names = tuple(self.names[i] for i in chosen) if self.names else ()
+        return MeshSequence(self.vertices[chosen], self.faces, names)
 
 
 def edges(faces: IntArray) -> IntArray:

@@ -19,6 +19,15 @@ from .glb_builder import (
     GlbBuilder as GlbBuilder,
     glb_of as glb_of,
 )
+from .gltf import (
+    GltfAsset as GltfAsset,
+    read_gltf as read_gltf,
+)
+from .gltf_meshes import (
+    GltfScene as GltfScene,
+    VertexRange as VertexRange,
+)
+from .gltf_packing import packed_gltf as packed_gltf
 from .json_files import (
     HandleFile as HandleFile,
     HandleTarget as HandleTarget,
@@ -33,15 +42,18 @@ from .json_values import (
     parse_value as parse_value,
     read_value as read_value,
 )
+from .loading import (
+    SHAPE_SUFFIXES as SHAPE_SUFFIXES,
+    load_mesh as load_mesh,
+    load_shapes as load_shapes,
+    shape_files as shape_files,
+)
 from .locks import locked as locked
 from .meshes import (
     MESH_SUFFIXES as MESH_SUFFIXES,
     check_shapes_output as check_shapes_output,
-    load_mesh as load_mesh,
-    load_shapes as load_shapes,
     save_mesh as save_mesh,
     save_shapes as save_shapes,
-    shape_files as shape_files,
     write_npz as write_npz,
 )
 from .tensors import (

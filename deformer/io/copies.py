@@ -13,7 +13,8 @@ from deformer.errors import InputError
 from deformer.geometry import IntArray, Mesh, MeshSequence
 from deformer.io.atomic import PathLike
 from deformer.io.directories import atomic_directory, check_directory
-from deformer.io.meshes import save_mesh, shape_files, write_npz
+from deformer.io.loading import shape_files
+from deformer.io.meshes import save_mesh, write_npz
 from deformer.io.npz import read_npz
 
 

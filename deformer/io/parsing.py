@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import codecs
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -116,6 +116,22 @@ def _is_index(token: bytes) -> bool:
         return b"_" not in token and abs(int(token)) < 2**63
     except ValueError:
         return False
+
+
+def distinct(names: Iterable[str]) -> tuple[str, ...]:
+    """The names, of which the second, third, … of the same text have " (2)", " (3)", ….
+
+    What is no Unicode becomes question marks.
+    """
+    found: dict[str, None] = {}
+    last: dict[str, int] = {}
+    for given in names:
+        wanted = name = given.encode("utf-8", "replace").decode()
+        while wanted in found:
+            last[name] = last.get(name, 1) + 1
+            wanted = f"{name} ({last[name]})"
+        found[wanted] = None
+    return tuple(found)
 
 
 def fan_triangles(

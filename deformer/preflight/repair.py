@@ -111,7 +111,7 @@ class _Work:
                 self._did(shapes, "moved back between its neighbours")
             elif finding.kind == "order":
                 self._reorder(finding, report, vertices)
-        self.shapes = MeshSequence(vertices, self.shapes.faces)
+        self.shapes = MeshSequence(vertices, self.shapes.faces, self.shapes.names)
         return before != (len(self.changed), len(self.done))
 
     def _did(self, shapes: list[int], what: str) -> None:
@@ -182,7 +182,7 @@ class _Work:
     def _keep(self, used: np.ndarray, faces: IntArray) -> None:
         number = np.cumsum(used) - 1
         self.kept = self.kept[used]
-        self.shapes = MeshSequence(self.shapes.vertices[:, used], number[faces])
+        self.shapes = MeshSequence(self.shapes.vertices[:, used], number[faces], self.shapes.names)
 
     def orient(self) -> None:
         """Turn faces to agree with their neighbours; in each piece the smaller part turns."""
@@ -190,7 +190,7 @@ class _Work:
         if turned.any():
             faces = self.shapes.faces.copy()
             faces[turned] = faces[turned][:, ::-1]
-            self.shapes = MeshSequence(self.shapes.vertices, faces)
+            self.shapes = MeshSequence(self.shapes.vertices, faces, self.shapes.names)
             self.done.append(f"all shapes: {turned.sum()} faces turned to agree with the others")
         if unorientable:
             self.done.append(
@@ -202,7 +202,7 @@ class _Work:
         """Move all shapes rigidly to the first, as training with alignment does."""
         vertices = align(self.shapes.vertices, self.shapes.vertices[0])
         vertices[0] = self.shapes.vertices[0]
-        self.shapes = MeshSequence(vertices, self.shapes.faces)
+        self.shapes = MeshSequence(vertices, self.shapes.faces, self.shapes.names)
         self._did(
             list(range(1, len(vertices))),
             f"aligned with shape 0, {len(finding.shapes)} of them turned back by more than 90°",

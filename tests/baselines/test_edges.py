@@ -13,7 +13,7 @@ from deformer.baselines.edges import EdgeSplocs
 from deformer.errors import InputError
 from deformer.geometry.mesh import Mesh, MeshSequence
 from deformer.geometry.metrics import e_rms
-from deformer.io.meshes import load_shapes
+from deformer.io import load_shapes
 from deformer.model.latent_prior import LatentPrior
 from deformer.training.sparse_components import LocalisedSettings
 from paths import DATA

@@ -13,11 +13,13 @@ from deformer import io
 from deformer.errors import InputError
 from deformer.evaluation.journal import COLUMNS, Journal
 from deformer.geometry import Mesh, MeshSequence
+from deformer.io import GltfAsset
 from deformer.model import load_model
 from deformer.model.storage import _digest_of_description
 from deformer.training.checkpoints import Stages, check_identity, load_checkpoint, save_checkpoint
 from deformer_app.viewer.edit import Edit, Handle, Solution
 from deformer_app.viewer.session import Entry, ModelName, Session
+from gltf_files import channel, skinned, with_targets
 from shapes import small_model
 
 MEMORY = 600e6  # bytes that reading an input of a few kilobytes may take
@@ -162,6 +164,20 @@ def text_stl():
         lines += [f"vertex {x} {y} {z}" for x, y, z in POINTS[face]]
         lines += ["endloop", "endfacet"]
     return "\n".join([*lines, "endsolid a", ""])
+
+
+def text_gltf(path):
+    """Targets, sparse and not, two nodes, and a clip of weights."""
+    file, _, _ = with_targets(second=True)
+    animation = {"name": "talk"}
+    channel(file, animation, 0, "weights", [0, 0.25], np.array([0, 1, 1, 0], "f4"))
+    file.json["animations"] = [animation]
+    path.write_bytes(file.gltf())
+
+
+def damage_either(path, rng):
+    """Damage the JSON of a .gltf file, or its bytes."""
+    (damage_json if rng.random() < 0.8 else damage_bytes)(path, rng)
 
 
 TEXTS = {"text.ply": PLY, "text.stl": text_stl()}
@@ -322,6 +338,15 @@ KINDS = {
             Kind(f"{name}", write_mesh, damage_bytes, io.load_shapes, check_shapes)
             for name in ("a.obj", "a.ply", "a.off", "a.stl", "a.glb", "a.npz", *TEXTS)
         ),
+        Kind("targets.gltf", text_gltf, damage_either, io.load_shapes, check_shapes),
+        Kind("clip.gltf", text_gltf, damage_either,
+             lambda path: io.load_shapes(path, clip="talk"), check_shapes),
+        Kind("skin.gltf", lambda path: path.write_bytes(skinned().gltf()), damage_either,
+             io.load_shapes, check_shapes),
+        Kind("skin.glb", lambda path: path.write_bytes(skinned().glb()), damage_bytes,
+             io.load_shapes, check_shapes),
+        Kind("packed.gltf", text_gltf, damage_either, io.packed_gltf,
+             lambda data: GltfAsset(data, "packed.glb")),
         Kind("handles.json", write_handles, damage_json,
              lambda path: io.load_handles(path, 20), check_handles),
         Kind("split.json", lambda path: path.write_text('{"train": [0, 3, 5], "test": [1, 2]}'),

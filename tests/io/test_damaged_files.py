@@ -263,7 +263,7 @@ def test_glb_whose_nodes_repeat_a_mesh_without_end_is_refused(tmp_path, monkeypa
     scene["scenes"] = [{"nodes": list(range(100))}]
     path = write(tmp_path / "a.glb", glb(scene, binary))
     assert io.load_mesh(path).vertices.shape == (700, 3)
-    monkeypatch.setattr("deformer.io.glb._MOST_ITEMS", 20_000)
+    monkeypatch.setattr("deformer.io.gltf_meshes._MOST_ITEMS", 20_000)
     assert "repeat their meshes" in refusal(path)
 
 

@@ -1,0 +1,255 @@
+"""Read meshes and sequences of shapes.
+
+Vertex count and order are always the file's own: nothing is merged, split or sorted. STL has no
+vertices at all, so corners with equal positions are welded (see `load_shapes`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NoReturn, TypeVar
+
+import numpy as np
+
+from deformer.checks import checked_path, shortened
+from deformer.errors import InputError
+from deformer.geometry import FARTHEST, FloatArray, IntArray, Mesh, MeshSequence
+from deformer.io.atomic import PathLike, check_file, read_bytes
+from deformer.io.gltf import read_gltf
+from deformer.io.gltf_shapes import GltfReader, read_shapes as read_gltf_shapes
+from deformer.io.npz import read_npz
+from deformer.io.obj import ObjReader
+from deformer.io.off import read_off
+from deformer.io.ply import read_ply
+from deformer.io.sampling import checked_fps
+from deformer.io.stl import StlReader
+
+_Reader = Callable[[bytes, str], tuple[FloatArray, IntArray]]
+_Clip = str | int | None
+T = TypeVar("T")
+
+# Readers keep state from file to file of one sequence: every sequence gets a new one.
+_READERS: dict[str, Callable[[], _Reader]] = {
+    ".obj": ObjReader,
+    ".ply": lambda: read_ply,
+    ".off": lambda: read_off,
+    ".stl": StlReader,
+    ".glb": GltfReader,
+    ".gltf": GltfReader,
+}
+# Of files that may hold several shapes each.
+_SEQUENCE_READERS: dict[str, Callable[[Path, float, _Clip], MeshSequence]] = {
+    ".glb": lambda path, fps, clip: read_gltf_shapes(read_gltf(path), fps, clip),
+    ".gltf": lambda path, fps, clip: read_gltf_shapes(read_gltf(path), fps, clip),
+}
+SHAPE_SUFFIXES = tuple(_READERS)
+_SUFFIX_LIST = ", ".join(SHAPE_SUFFIXES)
+
+
+def load_shapes(
+    path: PathLike,
+    progress: Callable[[int, int], None] | None = None,
+    *,
+    fps: float = 24.0,
+    clip: str | int | None = None,
+) -> MeshSequence:
+    """Load shapes that share one connectivity.
+
+    The names of the shapes are those of the files without suffixes, of the morph targets, or the
+    times of the frames ("walk 0.25 s"); shapes of an NPZ have none.
+
+    STL corners that coincide exactly in the first shape are welded in all shapes.
+
+    Args:
+        path: a directory of OBJ, PLY, OFF, STL, GLB or glTF files of one format, read in natural
+            order of their names (2 before 10; other and hidden files are ignored), one shape each;
+            or one NPZ with `vertices` (N, V, 3) or (V, 3) and `faces` (F, 3); or one mesh file. One
+            GLB or glTF file with morph targets gives the shape without them, "base", then that
+            with each, and last "default" if the file shows other weights than 0; with an animation
+            of weights, nodes or a skin it gives its frames.
+        progress: called with the numbers of files read and of all files.
+        fps: frames a second at which an animation is sampled.
+        clip: the animation's name or number; None takes morph targets if there are some, else
+            the first animation.
+
+    Raises:
+        InputError: a file is missing, broken or of another kind, or differs from the first in
+            vertex count or faces; or there is no such clip.
+    """
+    source = checked_path(path, "path")
+    fps = checked_fps(fps)
+    if clip is not None and (isinstance(clip, bool) or not isinstance(clip, str | int)):
+        raise InputError(f"clip: expected a name or a number, got {shortened(clip)}; correct it")
+    files = _shape_files(source) if source.is_dir() else [source]
+    suffix = files[0].suffix.lower()
+    if len(files) == 1 and suffix in _SEQUENCE_READERS:
+        check_file(files[0])
+        shapes = _guarded(files[0], lambda: _SEQUENCE_READERS[suffix](files[0], fps, clip))
+        if not shapes.names:
+            shapes = MeshSequence(shapes.vertices, shapes.faces, (files[0].stem,))
+        if progress:
+            progress(1, 1)
+        return shapes
+    if clip is not None:
+        what = "several files, of which each gives one shape" if len(files) > 1 else "no animation"
+        raise InputError(
+            f"{path}: got clip {shortened(clip)} for {what}, expected one GLB or glTF file; leave "
+            "the clip out or name the file"
+        )
+    if suffix == ".npz":
+        shapes = _load_npz(source)
+        if progress:
+            progress(1, 1)
+        return shapes
+    return _load_files(files, progress)
+
+
+def shape_files(path: PathLike) -> list[Path]:
+    """The files that `load_shapes` reads, in its order.
+
+    Args:
+        path: as of `load_shapes`.
+
+    Raises:
+        InputError: a directory without meshes, with several formats, or with something named as a
+            mesh that is no file.
+    """
+    source = checked_path(path)
+    return _shape_files(source) if source.is_dir() else [source]
+
+
+def load_mesh(path: PathLike) -> Mesh:
+    """Load one OBJ, PLY, OFF, STL, GLB or glTF file.
+
+    Of a file with morph targets, a skin or animations the mesh is as the file shows it: with its
+    default weights and transforms, before any animation.
+
+    Args:
+        path: the file; its suffix is that of the format.
+
+    Raises:
+        InputError: the file is missing, broken or of another kind.
+    """
+    return _load_files([checked_path(path, "path")], None).mesh(0)
+
+
+def _shape_files(directory: Path) -> list[Path]:
+    files = [
+        entry
+        for entry in directory.iterdir()
+        if entry.suffix.lower() in SHAPE_SUFFIXES and not entry.name.startswith(".")
+        if not entry.is_dir()
+    ]
+    if not files:
+        raise InputError(
+            f"{directory}: no mesh files, expected {_SUFFIX_LIST}; check the path or put the "
+            "shapes there"
+        )
+    from natsort import natsorted
+
+    files = natsorted(files, key=lambda file: file.name)
+    for file in files:
+        if not file.is_file():
+            check_file(file)
+    first = files[0]
+    for file in files:
+        if file.suffix.lower() != first.suffix.lower():
+            raise InputError(
+                f"{directory}: holds {first.name} and {file.name}, expected one format; keep the "
+                "shapes in one format and move the others away"
+            )
+    return files
+
+
+def _load_files(files: list[Path], progress: Callable[[int, int], None] | None) -> MeshSequence:
+    first = files[0]
+    if first.suffix.lower() not in _READERS:
+        if not first.exists():
+            raise InputError(f"{first}: does not exist; check the path")
+        raise _unknown_suffix(first)
+    read = _READERS[first.suffix.lower()]()
+    shared: IntArray = np.empty((0, 3), np.int64)
+    all_vertices: FloatArray = np.empty((0, 0, 3))
+    for i, file in enumerate(files):
+        vertices, faces = _read_file(file, read)
+        _check_finite(vertices, str(file))
+        if i == 0:
+            shared = faces
+            all_vertices = np.empty((len(files), *vertices.shape))
+        if len(vertices) != all_vertices.shape[1]:
+            raise InputError(
+                f"{file}: {len(vertices)} vertices, expected {all_vertices.shape[1]} as in "
+                f"{first.name}; export all shapes with one connectivity"
+            )
+        if faces is not shared and not np.array_equal(faces, shared):
+            _raise_other_faces(file, faces, first, shared)
+        all_vertices[i] = vertices
+        if progress:
+            progress(i + 1, len(files))
+    names = tuple(file.stem for file in files)
+    return MeshSequence(
+        all_vertices, shared if shared is not None else np.empty((0, 3), int), names
+    )
+
+
+def _read_file(file: Path, read: _Reader) -> tuple[FloatArray, IntArray]:
+    data = read_bytes(file)
+    return _guarded(file, lambda: read(data, str(file)))
+
+
+def _guarded(file: Path, read: Callable[[], T]) -> T:
+    """What a reader of a file returns; InputError that names the file if it fails."""
+    try:
+        # Overflow gives infinite positions, which are refused by name.
+        with np.errstate(all="ignore"):
+            return read()
+    except InputError as error:
+        if str(file) in str(error):
+            raise
+        raise InputError(f"{file}: {error}") from None
+    # Readers refuse what they know; a damaged file can break them in ways nobody thought of.
+    except Exception as error:
+        raise InputError(
+            f"{file}: damaged in a way that stops the reader ({type(error).__name__}); export the "
+            "file again"
+        ) from error
+
+
+def _raise_other_faces(file: Path, faces: IntArray, first: Path, shared: IntArray) -> NoReturn:
+    if len(faces) != len(shared):
+        difference = f"{len(faces)} triangles, expected {len(shared)}"
+    else:
+        i = int(np.flatnonzero((faces != shared).any(axis=1))[0])
+        difference = f"triangle {i} is {faces[i].tolist()}, expected {shared[i].tolist()}"
+    raise InputError(
+        f"{file}: {difference} as in {first.name}; export all shapes with one connectivity and "
+        "vertex order"
+    )
+
+
+def _check_finite(vertices: FloatArray, name: str) -> None:
+    bad = np.flatnonzero(~(np.abs(vertices) <= FARTHEST).all(axis=1))
+    if len(bad):
+        raise InputError(
+            f"{name}, vertex {bad[0]}: found {vertices[bad[0]].tolist()}, expected a position "
+            f"within ±{FARTHEST:g}; repair or remove it"
+        )
+
+
+def _unknown_suffix(path: Path) -> InputError:
+    return InputError(
+        f"{path}: suffix {path.suffix!r}, expected one of {_SUFFIX_LIST}; convert the file or "
+        "correct its name"
+    )
+
+
+def _load_npz(path: Path) -> MeshSequence:
+    arrays = read_npz(path, ("vertices", "faces"))
+    vertices, faces = arrays["vertices"], arrays["faces"]
+    if vertices.dtype.kind not in "fiu":
+        raise InputError(f"{path}: vertices of type {vertices.dtype}, expected floats; cast them")
+    try:
+        return MeshSequence(vertices[None] if vertices.ndim == 2 else vertices, faces)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
