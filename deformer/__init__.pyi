@@ -21,6 +21,11 @@ from .analysis import (
     transfer as transfer,
     transfer_code as transfer_code,
 )
+from .documents import (
+    Document as Document,
+    load_document as load_document,
+    save_mesh as save_mesh,
+)
 from .editing import (
     Handle as Handle,
     HandleSolver as HandleSolver,
@@ -56,7 +61,6 @@ from .geometry import (
 from .io import (
     load_mesh as load_mesh,
     load_shapes as load_shapes,
-    save_mesh as save_mesh,
     save_shapes as save_shapes,
 )
 from .model import (

@@ -50,6 +50,7 @@ OTHERS = {
     # Parts of files, and what reading gives.
     *("io.GlbBuilder", "io.glb_of", "io.VERTICES", "io.INDICES"),
     *("io.GltfAsset", "io.GltfScene", "io.VertexRange"),
+    *("io.PlyElement", "io.PlyProperty", "io.ply_header", "io.ply_row"),
 }
 
 
@@ -69,6 +70,8 @@ def calls(tmp_path_factory):
     solver = deformer.HandleSolver(model)
     solver.set_handles([17], V[[17]])
     solver.solve()
+    obj = io.mesh_bytes(mesh, ".obj")
+    document = deformer.Document(".obj", obj, "a", len(V), mesh.faces)
     code, frames = model.codes[0], np.zeros((2, 1, 3))
     synthesis = deformer.Synthesis(model)
     features = deformer.extract_features(shapes)
@@ -83,6 +86,7 @@ def calls(tmp_path_factory):
 
     found = {
         "Activations": (model,),
+        "Document": (".obj", obj, "a", len(V), mesh.faces, {}),
         "AdamSettings": {},
         "ComponentAnalysis": (model, 1),
         "FaceStrain": (mesh,),
@@ -113,6 +117,7 @@ def calls(tmp_path_factory):
         "has_checkpoint": (folder / "checkpoint",),
         "layout": (model, 3),
         "interpolate": (model, V + np.zeros((2, 1, 1)), 3, "linear"),
+        "load_document": (folder / "a.ply",),
         "load_mesh": (folder / "a.ply",),
         "local_rotations": (model, [3], V),
         "load_model": (folder / "model",),
@@ -121,7 +126,7 @@ def calls(tmp_path_factory):
         "reconstruct": (shapes, features, 0),
         "remove_checkpoint": (folder / "checkpoint",),
         "repair_shapes": (shapes, None),
-        "save_mesh": (folder / "o.ply", mesh),
+        "save_mesh": (folder / "o.ply", mesh, document),
         "save_names": (folder / "model", {0: "nod"}),
         "save_shapes": (folder / "o.npz", shapes, "ply"),
         "spread": (V, 3),
@@ -140,6 +145,7 @@ def calls(tmp_path_factory):
         "SurfacePoint.on_face": (deformer.SurfacePoint.on_face, (mesh.faces, 0, [1.0, 0, 0], 0.0)),
         "MeshSequence.subset": (shapes.subset, ([0],)),
         "MeshSequence.mesh": (shapes.mesh, (0,)),
+        "Document.write": (document.write, (V, ".ply")),
         "DeformationModel.encode": (model.encode, (V,)),
         "DeformationModel.decode": (model.decode, (code,)),
         "DeformationModel.fit": (model.fit, (V, 1)),
@@ -166,6 +172,7 @@ def calls(tmp_path_factory):
         "io.load_handles": (io.load_handles, (folder / "h.json", len(V), mesh.faces)),
         "io.load_split": (io.load_split, (folder / "split.json", 3)),
         "io.locked": (entered(io.locked), (folder / "w", 0.0)),
+        "io.mesh_bytes": (io.mesh_bytes, (mesh, ".obj")),
         "io.parse_value": (io.parse_value, ("{}",)),
         "io.read_bytes": (io.read_bytes, (folder / "h.json",)),
         "io.packed_gltf": (io.packed_gltf, (folder / "a.glb",)),
@@ -181,8 +188,9 @@ def calls(tmp_path_factory):
     }
     table["io.parse_value"] = (lambda text: io.parse_value(text, "a.json"), ("{}",))
     table["io.read_metadata"] = (lambda path: io.read_metadata(path, "a"), (folder / "t",))
-    for name in ("load_mesh", "load_shapes", "save_mesh", "save_shapes"):
+    for name in ("load_mesh", "load_shapes", "save_shapes"):
         table[f"io.{name}"] = table[name]
+    table["io.save_mesh"] = (io.save_mesh, (folder / "o.ply", mesh))
     return table
 
 
@@ -233,7 +241,7 @@ def names_of_calls():
     methods += [f"DeformationModel.{n}" for n in ("encode", "decode", "fit", "save", "component")]
     methods += [f"DeformationModel.{n}" for n in ("label", "with_component_names")]
     methods += [f"HandleSolver.{n}" for n in ("set_handles", "drag", "set_prior", "restore")]
-    methods += ["HandleSolver.solve_to_convergence", "Familiarity.distance"]
+    methods += ["HandleSolver.solve_to_convergence", "Familiarity.distance", "Document.write"]
     methods += [f"Synthesis.{n}" for n in ("code", "shape", "sweep")]
     return sorted({*NAMES, *methods} - RESULTS - OTHERS)
 

@@ -52,9 +52,16 @@ from .locks import locked as locked
 from .meshes import (
     MESH_SUFFIXES as MESH_SUFFIXES,
     check_shapes_output as check_shapes_output,
+    mesh_bytes as mesh_bytes,
     save_mesh as save_mesh,
     save_shapes as save_shapes,
     write_npz as write_npz,
+)
+from .ply import (
+    PlyElement as PlyElement,
+    PlyProperty as PlyProperty,
+    ply_header as ply_header,
+    ply_row as ply_row,
 )
 from .tensors import (
     read_metadata as read_metadata,

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from deformer.checks import checked_instance, checked_path, checked_text
+from deformer.checks import checked_instance, checked_path, checked_text, shortened
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, Mesh, MeshSequence
 from deformer.io.atomic import PathLike, atomic_path, check_output_file
@@ -51,11 +51,29 @@ def save_mesh(path: PathLike, mesh: Mesh) -> None:
     """
     target = checked_path(path, "path")
     checked_instance(mesh, "mesh", Mesh, remedy="make one of vertices and faces")
-    writer = _WRITERS.get(target.suffix.lower())
-    if writer is None:
+    if target.suffix.lower() not in _WRITERS:
         raise _unknown_suffix(target)
     with atomic_path(target) as temporary:
-        temporary.write_bytes(writer(mesh.vertices, mesh.faces))
+        temporary.write_bytes(mesh_bytes(mesh, target.suffix))
+
+
+def mesh_bytes(mesh: Mesh, suffix: str) -> bytes:
+    """Contents of a file with the positions and triangles of a mesh.
+
+    Args:
+        mesh: the mesh.
+        suffix: suffix of the format, as of `save_mesh`.
+
+    Raises:
+        InputError: an unknown suffix.
+    """
+    checked_instance(mesh, "mesh", Mesh, remedy="make one of vertices and faces")
+    writer = _WRITERS.get(checked_text(suffix, "suffix").lower())
+    if writer is None:
+        raise InputError(
+            f"suffix: expected one of {_SUFFIX_LIST}, got {shortened(suffix)}; choose one"
+        )
+    return writer(mesh.vertices, mesh.faces)
 
 
 def save_shapes(path: PathLike, shapes: MeshSequence, format: str = "ply") -> None:

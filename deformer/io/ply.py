@@ -36,17 +36,21 @@ _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
 @dataclass(frozen=True)
-class _Property:
+class PlyProperty:
+    """A property of an element; types are numpy's without byte order."""
+
     name: str
     type: str
     count_type: str | None  # None for a scalar, else the type of a list's length
 
 
 @dataclass(frozen=True)
-class _Element:
+class PlyElement:
+    """An element of a PLY file: its name, its rows, and the properties of each in order."""
+
     name: str
     count: int
-    properties: tuple[_Property, ...]
+    properties: tuple[PlyProperty, ...]
 
     @property
     def least_bytes(self) -> int:
@@ -72,7 +76,7 @@ def read_ply(data: bytes, name: str) -> tuple[FloatArray, IntArray]:
             out of range.
     """
     data = plain_text(data, name)
-    order, elements, body = _header(data, name)
+    order, elements, body = ply_header(data, name)
     vertex = next((e for e in elements if e.name == "vertex"), None)
     scalars = {p.name for p in vertex.properties if not p.count_type} if vertex else set()
     if vertex is None or not {"x", "y", "z"} <= scalars:
@@ -89,7 +93,7 @@ def read_ply(data: bytes, name: str) -> tuple[FloatArray, IntArray]:
     return _read_text(data, body, elements, name)
 
 
-def _header(data: bytes, name: str) -> tuple[str, list[_Element], int]:
+def ply_header(data: bytes, name: str) -> tuple[str, list[PlyElement], int]:
     """Byte order, elements that have rows and properties, and where the rows start."""
     first = _FIRST_LINE.match(data)
     line_end = b"\r" if first and first[1] == b"\r" else b"\n"
@@ -99,7 +103,7 @@ def _header(data: bytes, name: str) -> tuple[str, list[_Element], int]:
         raise InputError(f"{name}: no PLY header, expected 'ply' … 'end_header'; export it again")
     order: str | None = None
     counts: dict[str, int] = {}
-    properties: dict[str, dict[str, _Property]] = {}
+    properties: dict[str, dict[str, PlyProperty]] = {}
     owner = ""
     lines = data[first.end() : end.start()].decode("ascii", "replace").split(line_end.decode())
     for number, line in enumerate(lines, 2):
@@ -116,9 +120,9 @@ def _header(data: bytes, name: str) -> tuple[str, list[_Element], int]:
             case ["property", "list", n, t, p] if owner and n in _TYPES and t in _TYPES:
                 if _TYPES[n].startswith("f"):
                     raise _header_error(name, number, line, "an integer type for the list's length")
-                added = _Property(p, _TYPES[t], _TYPES[n])
+                added = PlyProperty(p, _TYPES[t], _TYPES[n])
             case ["property", t, p] if owner and t in _TYPES:
-                added = _Property(p, _TYPES[t], None)
+                added = PlyProperty(p, _TYPES[t], None)
             case _:
                 raise _header_error(name, number, line, "a PLY header line")
         if added:
@@ -129,7 +133,7 @@ def _header(data: bytes, name: str) -> tuple[str, list[_Element], int]:
         raise InputError(f"{name}: no 'format' line in the PLY header; export the file again")
     # Elements without rows or properties have no bytes in the file.
     elements = [
-        _Element(element, count, tuple(properties[element].values()))
+        PlyElement(element, count, tuple(properties[element].values()))
         for element, count in counts.items()
         if count and properties[element]
     ]
@@ -144,7 +148,7 @@ def _header_error(name: str, number: int, line: str, expected: str) -> InputErro
 
 
 def _read_text(
-    data: bytes, body: int, elements: list[_Element], name: str
+    data: bytes, body: int, elements: list[PlyElement], name: str
 ) -> tuple[FloatArray, IntArray]:
     lines = [line for line in data[body:].splitlines() if line and not line.isspace()]
 
@@ -193,7 +197,7 @@ def _read_text(
 
 
 def _text_positions(
-    rows: list[list[bytes]], element: _Element, name: str, where: Where
+    rows: list[list[bytes]], element: PlyElement, name: str, where: Where
 ) -> FloatArray:
     if any(p.count_type for p in element.properties):
         raise InputError(
@@ -211,7 +215,7 @@ def _text_positions(
     return positions([[row[x], row[y], row[z]] for row in rows], 0, name, where)
 
 
-def _text_polygon(row: list[bytes], element: _Element) -> list[bytes] | None:
+def _text_polygon(row: list[bytes], element: PlyElement) -> list[bytes] | None:
     """Tokens of the vertex indices; None if the row is not made up of the element's properties."""
     polygon: list[bytes] = []
     offset = 0
@@ -229,14 +233,14 @@ def _text_polygon(row: list[bytes], element: _Element) -> list[bytes] | None:
 
 
 def _read_binary(
-    data: bytes, body: int, order: str, elements: list[_Element], name: str
+    data: bytes, body: int, order: str, elements: list[PlyElement], name: str
 ) -> tuple[FloatArray, IntArray]:
     vertices, corners, counts = np.empty((0, 3)), np.empty(0, np.int64), np.empty(0, np.int64)
     offset = body
     for element in elements:
         if element.count * element.least_bytes > len(data) - offset:
             raise _cut_short(name, element, (len(data) - offset) // element.least_bytes)
-        row = _uniform_row(data, offset, element, order)
+        row = ply_row(data, offset, element, order)
         if row is not None:
             table = np.frombuffer(data, row, element.count, offset)
             offset += table.nbytes
@@ -278,7 +282,7 @@ def _whole_numbers(corners: np.ndarray, counts: IntArray, name: str) -> IntArray
     return corners.astype(np.int64)
 
 
-def _uniform_row(data: bytes, start: int, element: _Element, order: str) -> np.dtype | None:
+def ply_row(data: bytes, start: int, element: PlyElement, order: str) -> np.dtype | None:
     """Layout of the element's rows if it is the same for all; None if a list's length varies."""
     fields: list = []
     lengths = []
@@ -308,7 +312,7 @@ def _uniform_row(data: bytes, start: int, element: _Element, order: str) -> np.d
 
 
 def _read_rows(
-    data: bytes, offset: int, element: _Element, order: str, name: str
+    data: bytes, offset: int, element: PlyElement, order: str, name: str
 ) -> tuple[int, np.ndarray, IntArray]:
     """Reads the element's rows one by one.
 
@@ -343,7 +347,7 @@ def _read_rows(
     return offset, np.frombuffer(b"".join(corners), index_type), np.array(lengths, np.int64)
 
 
-def _cut_short(name: str, element: _Element, found: int) -> InputError:
+def _cut_short(name: str, element: PlyElement, found: int) -> InputError:
     return InputError(
         f"{name}: element {element.name!r} ends after {found} rows, expected {element.count}; the "
         "file is cut short, export it again"

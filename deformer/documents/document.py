@@ -1,0 +1,180 @@
+"""A mesh file kept as it is, so that other positions can be written into it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deformer.checks import (
+    checked_array,
+    checked_choice,
+    checked_instance,
+    checked_integer,
+    checked_number,
+    checked_path,
+    checked_text,
+    shortened,
+)
+from deformer.documents.obj import (
+    material_colours,
+    material_libraries,
+    obj_of,
+    obj_polygons,
+    rewritten_obj,
+)
+from deformer.documents.off import off_of
+from deformer.documents.ply import ply_of, ply_polygons, rewritten_ply
+from deformer.documents.polygons import PolygonMesh
+from deformer.errors import InputError
+from deformer.geometry import FARTHEST, FloatArray, IntArray, Mesh, checked_faces
+from deformer.io import SHAPE_SUFFIXES, load_mesh, mesh_bytes, read_bytes, shape_files
+
+DOCUMENT_SUFFIXES = (".obj", ".ply")
+_MOST_LIBRARY = 10_000_000  # bytes of a material library
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Document:
+    """A mesh file with all that it has beside positions and triangles.
+
+    Args:
+        suffix: ".obj" or ".ply", the format of `data`.
+        data: contents of the file.
+        name: stem of the file's name.
+        vertex_count: V.
+        faces: (F, 3) the file's triangles, as `load_shapes` reads them.
+        colours: base colours, linear RGBA of 0 to 1, of materials that the file names and another
+            file describes, by name.
+
+    Raises:
+        InputError: another suffix, faces that are not those of so many vertices, or a part of
+            another type.
+    """
+
+    suffix: str
+    data: bytes
+    name: str
+    vertex_count: int
+    faces: IntArray
+    colours: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check the parts."""
+        remedy = "load one with load_document"
+        checked_choice(self.suffix, "suffix", DOCUMENT_SUFFIXES, remedy=remedy)
+        checked_instance(self.data, "data", bytes, remedy=remedy)
+        checked_text(self.name, "name", remedy=remedy)
+        count = checked_integer(self.vertex_count, "vertex_count", least=1, remedy=remedy)
+        object.__setattr__(self, "faces", checked_faces(self.faces, count))
+        checked_instance(self.colours, "colours", Mapping, remedy=remedy)
+        for name, colour in self.colours.items():
+            checked_text(name, "colours", remedy=remedy)
+            rows = checked_array(colour, f"colours: {shortened(name)}", (4,), remedy=remedy)
+            for number in rows.tolist():
+                checked_number(number, f"colours: {shortened(name)}", least=0, most=1)
+
+    def __repr__(self) -> str:
+        """One line: name and vertices."""
+        return f"Document({self.name}{self.suffix}, {self.vertex_count} vertices)"
+
+    def check_fits(self, vertex_count: int, faces: IntArray) -> None:
+        """Raise InputError unless a mesh has the document's vertices and faces.
+
+        Args:
+            vertex_count: vertices of the mesh.
+            faces: (F, 3) its triangles.
+        """
+        if vertex_count != self.vertex_count or not np.array_equal(faces, self.faces):
+            raise InputError(
+                f"document {self.name}{self.suffix}: {self.vertex_count} vertices and "
+                f"{len(self.faces)} triangles, and the mesh has {vertex_count} and {len(faces)}, "
+                "or others; give the document of the mesh's own file, or none"
+            )
+
+    def write(self, vertices: ArrayLike, suffix: str | None = None) -> bytes:
+        """The file with other positions, or what another format knows of it.
+
+        In the document's own format everything else stays; normals and tangents are recomputed
+        where the file has them, split as they were. Into another format go polygons, texture
+        coordinates, normals, vertex colours, names and base colours of materials, and names of
+        objects and groups, as far as it has them; never textures.
+
+        Args:
+            vertices: (V, 3) positions, in the file's order.
+            suffix: suffix of a mesh format; None for the document's own.
+
+        Raises:
+            InputError: an array of another shape, positions that are not finite or too large for
+                the format, or an unknown suffix.
+        """
+        points = checked_array(vertices, "vertices", (self.vertex_count, 3), largest=FARTHEST)
+        target = self.suffix if suffix is None else checked_text(suffix, "suffix").lower()
+        if target == self.suffix:
+            return self._rewritten(points)
+        if target in _WRITERS:
+            return _WRITERS[target](points, self._polygons())
+        return mesh_bytes(Mesh(points, self.faces), target)
+
+    def _rewritten(self, points: FloatArray) -> bytes:
+        if self.suffix == ".obj":
+            return rewritten_obj(self.data, points)
+        return rewritten_ply(self.data, points, self.faces)
+
+    def _polygons(self) -> PolygonMesh:
+        if self.suffix == ".obj":
+            return obj_polygons(self.data, self.colours)
+        return ply_polygons(self.data)
+
+
+_WRITERS: dict[str, Callable[[FloatArray, PolygonMesh], bytes]] = {
+    ".obj": obj_of,
+    ".ply": ply_of,
+    ".off": off_of,
+}
+
+
+def load_document(path: str | Path) -> Document | None:
+    """The document of shapes that `load_shapes` loads: their first file.
+
+    Args:
+        path: as of `load_shapes`.
+
+    Returns:
+        the document; None for files that have nothing beside positions and triangles, which are
+        NPZ, OFF and STL.
+
+    Raises:
+        InputError: the file is missing, broken or of another kind.
+    """
+    file = shape_files(checked_path(path, "path"))[0]
+    suffix = file.suffix.lower()
+    if suffix not in DOCUMENT_SUFFIXES:
+        if suffix not in (*SHAPE_SUFFIXES, ".npz"):
+            load_mesh(file)
+        return None
+    mesh = load_mesh(file)
+    data = read_bytes(file)
+    colours = _library_colours(file, data) if suffix == ".obj" else {}
+    return Document(suffix, data, file.stem, len(mesh.vertices), mesh.faces, colours)
+
+
+def _library_colours(file: Path, data: bytes) -> dict[str, tuple[float, ...]]:
+    """Base colours in the material libraries beside an OBJ file; a missing one has none."""
+    found: dict[str, tuple[float, ...]] = {}
+    for name in material_libraries(data):
+        # A library is looked for in the file's own folder alone, whatever its path.
+        library = file.parent / name.replace("\\", "/").rpartition("/")[2]
+        if library.is_file() and 0 < library.stat().st_size <= _MOST_LIBRARY:
+            found |= material_colours(read_bytes(library))
+    return found
+
+
+def checked_document(document: object, name: str) -> Document | None:
+    """A document or None; InputError for anything else."""
+    if document is None:
+        return None
+    return checked_instance(document, name, Document, remedy="load one with load_document")
