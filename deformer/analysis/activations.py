@@ -26,7 +26,7 @@ class Activations:
     Attributes:
         low, high: (K,) smallest and largest activation among the training codes.
         reference: (K,) latent code Z_r of the reference.
-        base: (V+B, 9) features decoded from it, of vertices and links.
+        base: (U+B, 9) features decoded from it, of vertices without seams and of links.
         extreme: (K,) activation of each component in its representative shape: `low` or `high`.
         strength: (K,) distance ‖X_k − X_r‖ of the representative shape's features from the
             reference's, in the network's units (features scaled to ±0.95).
@@ -36,7 +36,7 @@ class Activations:
     def __init__(self, model: DeformationModel) -> None:
         """Measure all components."""
         checked_instance(model, "model", DeformationModel, remedy="load it with load_model")
-        self._model = model
+        self._model, self._seams = model.closed, model.seams
         self._weights = model.weights.C
         self.low: FloatArray = model.codes.min(axis=0)
         self.high: FloatArray = model.codes.max(axis=0)
@@ -69,7 +69,7 @@ class Activations:
         return z
 
     def change(self, component: int) -> FloatArray:
-        """Difference (V+B, 9) of the representative shape's features from the reference's.
+        """Difference (U+B, 9) of the representative shape's features from the reference's.
 
         Args:
             component: index k, from 0.
@@ -109,14 +109,14 @@ class Activations:
         return weights.astype(np.float64) / (float(weights.max()) or 1.0)
 
     def _by_vertex(self, lengths: NDArray) -> NDArray:
-        """Lengths (V,) of the vertices, from lengths (V+B,) of the vertices and links."""
+        """Lengths (V,) of the vertices, from lengths (U+B,) of those of `closed` and the links."""
         mesh = self._model.reference
         V = len(mesh.vertices)
         labels = mesh.labels
         carried = np.zeros(len(mesh.links) + 1, dtype=lengths.dtype)
         for (i, j), length in zip(mesh.links.tolist(), lengths[V:], strict=True):
             carried[labels[i]] = max(carried[labels[j]], length)
-        return np.maximum(lengths[:V], carried[labels])
+        return np.maximum(lengths[:V], carried[labels])[self._seams.closed]
 
     def _feature_change(self, component: int, value: float) -> FloatArray:
         """Change (V+B, 9) of the reference's features when entry k of its code becomes `value`."""

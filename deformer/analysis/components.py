@@ -117,7 +117,8 @@ class ComponentAnalysis:
         weights = activations.support(k)
         centre = int(weights.argmax())
         support = np.flatnonzero(weights >= SUPPORT_THRESHOLD)
-        distances = model.geodesics.normalised_row(centre)[support]
+        distances = model.geodesics.normalised_row(int(model.seams.closed[centre]))
+        distances = distances[model.seams.closed[support]]
         correlation = np.abs(self.correlations[k])
         correlation[k] = 0.0
         partner = int(correlation.argmax()) if correlation.any() else -1

@@ -97,6 +97,7 @@ def interpolate(
         # The shapes at the keys come from the same interpolation: they are on the path.
         all_times = np.concatenate([times, np.arange(len(shapes), dtype=np.float64)])
         p = centred_shapes(model, shapes, all_times)
+        p -= p.mean(axis=1, keepdims=True)
         p += _interpolated(shapes.mean(axis=1), all_times)[:, None]
         path, at_keys = p[: len(times)], p[len(times) :]
     return ShapePath(path, at_keys, times, model.reference.faces)
@@ -114,7 +115,8 @@ def _from_features(model: DeformationModel, keys: FloatArray, times: FloatArray)
     The rotation of the whole body is interpolated on its own: features represent rotations of
     several turns of one part against another, but a rotation of all parts only up to whole turns.
     """
-    reference = model.reference.vertices
+    seams, keys = model.seams, model.seams.close(keys)
+    reference = model.closed.reference.vertices
     rotations = np.stack([procrustes(reference, key)[0] for key in keys])
     centred = keys - keys.mean(axis=1, keepdims=True)
     q = extract_all(model.extractor, centred @ rotations, links=True)
@@ -123,7 +125,7 @@ def _from_features(model: DeformationModel, keys: FloatArray, times: FloatArray)
     first = np.minimum(times.astype(np.int64), len(keys) - 2)
     logs = rotation_to_log(np.swapaxes(rotations[:-1], 1, 2) @ rotations[1:])
     R = rotations[first] @ log_to_rotation((times - first)[:, None] * logs[first])
-    return p @ np.swapaxes(R, 1, 2)
+    return seams.open(p @ np.swapaxes(R, 1, 2))
 
 
 def _interpolated(values: FloatArray, times: FloatArray) -> FloatArray:

@@ -90,7 +90,8 @@ class Synthesis:
             q = model.decoder.features(self.start)
             for k in used:
                 q = q + w[k] * acts.change(int(k))
-            return model.poisson.reconstruct(q) + model.centroid_offset(self.code(weights))
+            p = model.poisson.reconstruct(q) + model.centroid_offset(self.code(weights))
+            return model.seams.open(p)
         p, rest = model.decode(self.start), model.decode(acts.reference)
         for k in used:
             p = p + w[k] * (model.decode(acts.representative(int(k))) - rest)
@@ -201,7 +202,7 @@ def transfer(source: DeformationModel, target: DeformationModel, z: ArrayLike) -
     features = _source_features(source, target, z)
     p = target.poisson.reconstruct(features)
     size = target.reference.bounding_diagonal / source.reference.bounding_diagonal
-    return p + size * source.centroid_offset(np.asarray(z, dtype=np.float64))
+    return target.seams.open(p + size * source.centroid_offset(np.asarray(z, dtype=np.float64)))
 
 
 def transfer_code(source: DeformationModel, target: DeformationModel, z: ArrayLike) -> FloatArray:
@@ -226,6 +227,12 @@ def _source_features(
             f"{len(target.reference.faces)} faces); both must be of one"
         )
     q = source.decoder.features(code)
-    if np.array_equal(source.reference.links, target.reference.links):
+    own, other = source.closed.reference, target.closed.reference
+    if not np.array_equal(source.seams.closed, target.seams.closed):
+        # A row of features is that of any of the vertices at one place.
+        rows = source.seams.closed[target.seams.first]
+    elif np.array_equal(own.links, other.links):
         return q
-    return undisplaced(target.reference, q[: len(target.reference.vertices)])
+    else:
+        rows = np.arange(len(own.vertices))
+    return undisplaced(other, q[rows])

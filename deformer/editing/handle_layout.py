@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -105,11 +105,18 @@ def layout(
     checked_number(noise, "noise", least=0, most=1)
     kept = _distinct(fixed, "fixed", V)
     banned = _distinct(exclude, "exclude", V)
-    both = np.intersect1d(kept, banned)
+    # Vertices at one place in all shapes are one.
+    seams = model.seams
+    allowed = np.ones(len(seams.first), dtype=bool)
+    allowed[seams.closed[banned]] = False
+    both = kept[~allowed[seams.closed[kept]]]
     if len(both):
         raise InputError(f"fixed: vertex {both[0]} is excluded, too; leave it out of one of them")
-    allowed = np.ones(V, dtype=bool)
-    allowed[banned] = False
+    again = np.setdiff1d(np.arange(len(kept)), _firsts(seams.closed[kept]))
+    if len(again):
+        raise InputError(
+            f"fixed: vertex {kept[again[0]]} lies on another one; leave one of them out"
+        )
     if not counts or counts[0] < max(len(kept), 1):
         raise InputError(
             f"count: expected at least {max(len(kept), 1)}, the number of fixed vertices, got "
@@ -121,7 +128,15 @@ def layout(
             f"got {counts[-1]}; ask for fewer"
         )
     with one_blas_thread():
-        return _layout(model, counts, symmetric, kept, allowed, noise)
+        found = _layout(model.closed, counts, symmetric, seams.closed[kept], allowed, noise)
+    vertices = seams.first[found.vertices]
+    vertices[: len(kept)] = kept
+    return replace(
+        found,
+        vertices=vertices,
+        deviation=found.deviation[seams.closed],
+        region=found.region[seams.closed],
+    )
 
 
 def _layout(
@@ -325,6 +340,11 @@ def _inverse(A: FloatArray) -> FloatArray:
 def _coordinates(groups: IntArray) -> IntArray:
     """Rows (n, 3m) of the x, y, z of groups (n, m) of sites."""
     return (3 * groups[..., None] + np.arange(3)).reshape(len(groups), -1)
+
+
+def _firsts(values: IntArray) -> IntArray:
+    """Index of the first of each of the values (n,)."""
+    return np.unique(values, return_index=True)[1]
 
 
 def _distinct(values: ArrayLike, name: str, count: int) -> IntArray:

@@ -204,6 +204,11 @@ def check_points(model: DeformationModel, vertices: ArrayLike | Sequence[Point])
     return points
 
 
+def closed_point(model: DeformationModel, point: Point) -> Point:
+    """A checked point of a model's reference as one of its surface without seams."""
+    return plain_point(model.seams.close_point(point))
+
+
 def check_handles(
     model: DeformationModel,
     vertices: ArrayLike | Sequence[Point],

@@ -24,7 +24,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import dijkstra
 
 from deformer.checks import LARGEST, checked_array, checked_instance, checked_number
-from deformer.editing.handles import Point, check_points
+from deformer.editing.handles import Point, check_points, closed_point
 from deformer.errors import InputError
 from deformer.geometry import (
     MOST_ORIENTATION_WEIGHT,
@@ -245,8 +245,9 @@ def local_rotations(
     checked_instance(model, "model", DeformationModel, remedy="load it with load_model")
     V = len(model.reference.vertices)
     shape = checked_array(vertices, "vertices", ("...", V, 3), largest=LARGEST)
-    frames = LocalFrames(model)
-    found = [frames.of(point).rotation(shape) for point in check_points(model, points)]
+    frames, shape = LocalFrames(model.closed), model.seams.close(shape)
+    closed = [closed_point(model, point) for point in check_points(model, points)]
+    found = [frames.of(point).rotation(shape) for point in closed]
     return np.stack(found, axis=-3) if found else np.empty((*shape.shape[:-2], 0, 3, 3))
 
 

@@ -54,7 +54,7 @@ def uncertainty(solver: HandleSolver) -> Uncertainty:
     solution = solver.solution
     if solution is None:
         raise InputError("uncertainty: nothing has been solved yet; call solve first")
-    x, model, energy = solution, solver.model, solver.energy
+    x, model, energy = solution, solver.basis.model, solver.energy
     z = energy.code(x)
     P = energy.posterior(x, solver.basis.exact_positions().at(z))
     V, n = len(model.reference.vertices), len(P)
@@ -68,6 +68,6 @@ def uncertainty(solver: HandleSolver) -> Uncertainty:
     noise = (energy.noise**2 + energy.misfit**2) * energy.diagonal**2
     reduction = np.linalg.solve(variance + noise * np.eye(3), (Y @ G) @ Y.transpose(0, 2, 1))
     total = max(float(np.trace(G)), np.finfo(float).tiny)
-    return Uncertainty(
-        np.sqrt(np.einsum("vii->v", variance)), np.einsum("vii->v", reduction) / total
-    )
+    closed = solver.model.seams.closed
+    deviation = np.sqrt(np.einsum("vii->v", variance))
+    return Uncertainty(deviation[closed], np.einsum("vii->v", reduction)[closed] / total)

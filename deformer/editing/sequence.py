@@ -131,6 +131,7 @@ def fit_sequence(
     # In a motion the body may go anywhere: the rigid motion has the diffuse prior alone.
     # What codes miss is known where handles are seen only: it would come and go with them, so that
     # sequences trust the codes.
+    seams, model = model.seams, model.closed
     solver = HandleSolver(model, rigid=rigid, noise=noise, freedom=1.0, misfit=0.0)
     seen = tracks.weights > 0
     solver.warn_of_units(tracks.points, np.where(seen[..., None], tracks.targets, np.nan))
@@ -167,7 +168,7 @@ def fit_sequence(
     residual = np.linalg.norm(places - tracks.targets, axis=2)
     found = Unknowns(X)
     return SequenceFit(
-        vertices=out,
+        vertices=seams.open(out),
         z=energy.codes(X),
         rotation=found.rotation.copy(),
         translation=energy.diagonal * found.translation,

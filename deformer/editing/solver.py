@@ -30,6 +30,7 @@ from deformer.editing.handles import (
     check_handles,
     check_points,
     check_target,
+    closed_point,
 )
 from deformer.editing.orientations import LocalFrame, checked_orientations, turned_by
 from deformer.editing.posed_surface import PosedSurface
@@ -106,8 +107,8 @@ class HandleSolver:
         _check_parameters(used, freedom, misfit)
         compile_kernels(_KERNELS, CORES)
         self.model = model
-        self.basis = HandleBasis(model)
-        energy = HandleEnergy.of_model(model, used, rigid)
+        self.basis = HandleBasis(model.closed)
+        energy = HandleEnergy.of_model(model.closed, used, rigid)
         self._search = CodeSearch(energy, self.basis, model.codes)
         self._surface = PosedSurface(self._search, self.basis, relaxation)
         self._warning: str | None = None
@@ -115,7 +116,7 @@ class HandleSolver:
         self._misfit = misfit
         self.set_prior(noise=used, freedom=freedom)
         self._search.least_noise = used if noise is None else None
-        self._places = SurfacePoints([], model.reference.faces)
+        self._places = SurfacePoints([], model.closed.reference.faces)
         self._assign([])
 
     @property
@@ -365,8 +366,8 @@ class HandleSolver:
     def _assign(self, handles: list[Handle]) -> None:
         """Replace the handles; a point with several has the weighted mean of their targets."""
         if [handle.vertex for handle in handles] != [handle.vertex for handle in self._handles]:
-            faces = self.model.reference.faces
-            self._places = SurfacePoints([handle.vertex for handle in handles], faces)
+            faces = self.basis.model.reference.faces
+            self._places = SurfacePoints([self._point(handle) for handle in handles], faces)
         rows = [row for handle in handles for row in self._rows(handle)]
         self._handles = handles
         wanted = list(dict.fromkeys(point for point, _, _, _ in rows))
@@ -392,7 +393,7 @@ class HandleSolver:
     def _rows(self, handle: Handle) -> list[tuple[RowPoint, ArrayLike, float, bool]]:
         """Points, targets and weights by which a handle enters the energy; true if exact."""
         if handle.orientation is None:
-            return [(handle.vertex, handle.target, handle.weight, handle.hard)]
+            return [(self._point(handle), handle.target, handle.weight, handle.hard)]
         frame = self._frame(handle)
         targets = frame.targets(np.array(handle.target), np.array(handle.orientation))
         return [
@@ -400,8 +401,12 @@ class HandleSolver:
             for point, target in zip(frame.points, targets, strict=True)
         ]
 
+    def _point(self, handle: Handle) -> Point:
+        """The place of a handle on the surface without seams."""
+        return closed_point(self.model, handle.vertex)
+
     def _frame(self, handle: Handle) -> LocalFrame:
-        return self.basis.frames.of(handle.vertex, handle.orientation_weight)
+        return self.basis.frames.of(self._point(handle), handle.orientation_weight)
 
     def _turned(self, vertices: FloatArray) -> FloatArray:
         """Angles (H,) from the surface's rotation around each handle to its orientation."""
@@ -417,7 +422,7 @@ class HandleSolver:
         targets = np.array([handle.target for handle in self._handles]).reshape(-1, 3)
         places = self._places.at(vertices)
         return Pose(
-            vertices=vertices,
+            vertices=self.model.seams.open(vertices),
             z=energy.code(state.x),
             rotation=x.rotation.copy(),
             translation=energy.diagonal * x.translation,

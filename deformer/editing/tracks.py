@@ -11,7 +11,14 @@ from numpy.typing import ArrayLike
 
 from deformer.checks import LARGEST, checked_array, checked_instance
 from deformer.editing.batch_numba import Boolean
-from deformer.editing.handles import Kind, Point, check_handles, check_kinds, check_points
+from deformer.editing.handles import (
+    Kind,
+    Point,
+    check_handles,
+    check_kinds,
+    check_points,
+    closed_point,
+)
 from deformer.editing.orientations import LocalFrames, checked_orientations, turned_by
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, RowPoint
@@ -40,7 +47,7 @@ class Tracks:
     """H handles in F frames.
 
     Args:
-        points: the handles.
+        points: the handles, on the surface without seams.
         targets: (F, H, 3) positions.
         weights: (F, H) factors on squared distances; 0 where a handle is not seen.
         exact: (F, H) true where a handle is at its target exactly.
@@ -133,9 +140,10 @@ def checked_tracks(
         )
     goals = np.where(unseen[:, :, None], 0.0, goals)
     check_handles(model, index, goals[0], None, False)
-    if len(set(index)) < H:
-        repeated = next(point for point in index if index.count(point) > 1)
+    closed = [closed_point(model, point) for point in index]
+    if len(set(closed)) < H:
+        repeated = next(p for p, c in zip(index, closed, strict=True) if closed.count(c) > 1)
         raise InputError(f"vertex {repeated} is given twice; a sequence wants different vertices")
     exact = ~unseen & (check_kinds(hard, kinds, (F, H)) != "soft")
     turns = checked_orientations(orientations, orientation_weights, (F, H))
-    return Tracks(index, goals, factors, exact, *turns)
+    return Tracks(closed, goals, factors, exact, *turns)

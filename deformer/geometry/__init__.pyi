@@ -47,6 +47,13 @@ from .sampling import (
     farthest_rows as farthest_rows,
     spread as spread,
 )
+from .seams import (
+    SEAM_TOLERANCE as SEAM_TOLERANCE,
+    Seams as Seams,
+    find_seams as find_seams,
+    no_seams as no_seams,
+    same_place as same_place,
+)
 from .strain import (
     FaceStrain as FaceStrain,
 )

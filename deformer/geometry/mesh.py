@@ -222,9 +222,15 @@ def connected_components(faces: IntArray, vertex_count: int) -> tuple[int, IntAr
         faces: (F, 3) int64 vertex indices.
         vertex_count: V.
     """
+    roots, labels = np.unique(component_roots(edges(faces), vertex_count), return_inverse=True)
+    return len(roots), labels.astype(np.int64)
+
+
+def component_roots(pairs: IntArray, count: int) -> IntArray:
+    """The least member (n,) of the group of each of n things that pairs (m, 2) join to groups."""
     # scipy.sparse.csgraph does the same, but its import takes longer than solving for a pose.
-    first, second = edges(faces).T
-    root = np.arange(vertex_count)
+    first, second = pairs.T
+    root = np.arange(count)
     while True:
         # Each root is joined to the least root that an edge of its tree leads to.
         low = np.minimum(root[first], root[second])
@@ -234,10 +240,8 @@ def connected_components(faces: IntArray, vertex_count: int) -> tuple[int, IntAr
         while not np.array_equal(found, higher := found[found]):
             found = higher
         if np.array_equal(found, root):
-            break
+            return root
         root = found
-    roots, labels = np.unique(root, return_inverse=True)
-    return len(roots), labels.astype(np.int64)
 
 
 def connectivity_hash(faces: IntArray, vertex_count: int) -> str:

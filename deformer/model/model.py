@@ -22,7 +22,7 @@ from deformer.checks import (
     shortened,
 )
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, IntArray, Mesh, site_rings
+from deformer.geometry import FloatArray, IntArray, Mesh, Seams, no_seams, site_rings
 from deformer.model.bend_limits import BendLimits
 from deformer.model.component_names import check_names, find_component
 from deformer.model.latent_prior import LatentPrior
@@ -63,6 +63,9 @@ class DeformationModel:
         handle_misfits: τ of handle fits, the model's own error at a handle, in bounding diagonals,
             with few handles and with many (`misfit_of`); 0 for a model that has learned enough to
             be trusted with every target.
+        seams: vertices of the reference that coincide in all shapes: they are one to `closed`,
+            the model of the surface without seams, in which everything is computed. Shapes that
+            are given and returned have all of them, in the reference's order. None is none.
 
     Raises:
         InputError: parts that do not fit each other, or names that `check_names` rejects.
@@ -81,6 +84,7 @@ class DeformationModel:
     handle_noise: float = 0.007
     bend_limits: BendLimits | None = None
     handle_misfits: tuple[float, float] = (0.0, 0.0)
+    seams: Seams = field(default=None)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         """Check that the parts fit each other, and the names."""
@@ -92,8 +96,15 @@ class DeformationModel:
             ("prior", LatentPrior),
         ):
             checked_instance(getattr(self, name), name, kind, remedy="make one")
+        V = len(self.reference.vertices)
+        if self.seams is None:
+            object.__setattr__(self, "seams", no_seams(V))
+        checked_instance(self.seams, "seams", Seams, remedy="leave it out")
+        if len(self.seams.closed) != V:
+            raise InputError(f"seams: expected {V} vertices, got {len(self.seams.closed)}; retrain")
         K = self.components
-        sites = len(self.reference.vertices) + len(self.reference.links)
+        surface = self.closed.reference
+        sites = len(surface.vertices) + len(surface.links)
         if self.weights.layers != self.config.layers:
             raise InputError(
                 f"network: expected layers {self.config.layers} as in the config, got "
@@ -169,6 +180,13 @@ class DeformationModel:
         k = self.component(component)
         return self.component_names.get(k, f"component {k}")
 
+    @cached_property
+    def closed(self) -> DeformationModel:
+        """The model of the surface without seams; the model itself if it has none."""
+        if not self.seams:
+            return self
+        return replace(self, reference=self.seams.close_mesh(self.reference), seams=None)
+
     @property
     def components(self) -> int:
         """Dimension K of the latent code."""
@@ -191,6 +209,8 @@ class DeformationModel:
         scaler = self.scaler
         bounds = [scaler.r_min, scaler.r_max, scaler.s_min, scaler.s_max]
         arrays = [self.reference.vertices, self.reference.faces, self.codes, np.array(bounds)]
+        if self.seams:
+            arrays.append(self.seams.closed)
         arrays += [self.prior.mean, self.prior.covariance]
         if self.rigid_prior is not None:
             arrays.append(np.array([self.rigid_prior.rotation, self.rigid_prior.translation]))
@@ -205,32 +225,36 @@ class DeformationModel:
 
     @cached_property
     def extractor(self) -> FeatureExtractor:
-        """Feature extraction against the reference."""
+        """Feature extraction against the reference, its seams closed."""
         from deformer.acap import FeatureExtractor
 
-        return FeatureExtractor(self.reference)
+        return self.closed.extractor if self.seams else FeatureExtractor(self.reference)
 
     @cached_property
     def poisson(self) -> PoissonSystem:
-        """The factored Poisson system of the reference."""
+        """The factored Poisson system of the reference, its seams closed."""
         from deformer.acap import PoissonSystem
 
-        return PoissonSystem(self.reference)
+        return self.closed.poisson if self.seams else PoissonSystem(self.reference)
 
     @cached_property
     def geodesics(self) -> Geodesics:
-        """Geodesic distances over the reference."""
+        """Geodesic distances over the reference, its seams closed."""
         from deformer.geometry import Geodesics
 
-        return Geodesics(self.reference)
+        return self.closed.geodesics if self.seams else Geodesics(self.reference)
+
+    def distances(self, vertex: int) -> FloatArray:
+        """Geodesic distances (V,) from a vertex of the reference, in its units."""
+        return self.geodesics.row(int(self.seams.closed[vertex]))[self.seams.closed]
 
     @cached_property
     def _rings(self) -> tuple[IntArray, IntArray]:
-        return site_rings(self.reference)
+        return site_rings(self.closed.reference)
 
     @cached_property
     def decoder(self) -> Decoder:
-        """The decoder of all sites: the V vertices, then the B links of the reference."""
+        """The decoder of all sites: the vertices, then the B links of the closed reference."""
         return self._decoder(None)
 
     def decoder_at(self, sites: IntArray) -> Decoder:
@@ -269,7 +293,7 @@ class DeformationModel:
             encode_shapes,  # not to read a model: it imports numba
         )
 
-        return encode_shapes(self, vertices)
+        return encode_shapes(self.closed, self._closed_shapes(vertices))
 
     def fit(self, vertices: ArrayLike, iterations: int = 20) -> FloatArray:
         """Latent codes whose decoded shapes are closest to the given ones.
@@ -290,7 +314,7 @@ class DeformationModel:
         """
         from deformer.model.whole_shapes import fit_shapes  # not to read a model: it imports numba
 
-        return fit_shapes(self, vertices, iterations)
+        return fit_shapes(self.closed, self._closed_shapes(vertices), iterations)
 
     def decode(self, z: ArrayLike) -> FloatArray:
         """Shapes of latent codes.
@@ -307,6 +331,8 @@ class DeformationModel:
         Raises:
             InputError: another shape of the array.
         """
+        if self.seams:
+            return self.seams.open(self.closed.decode(z))
         K, V = self.components, len(self.reference.vertices)
         codes = checked_array(z, "z", (K,), ("N", K), largest=LARGEST)
         flat = codes.reshape(-1, K)
@@ -318,14 +344,21 @@ class DeformationModel:
         return p[0] if codes.ndim == 1 else p
 
     def decode_centred(self, z: FloatArray) -> FloatArray:
-        """Shape (V, 3) of a code z (K,), its centroid at the reference's."""
+        """Shape (V, 3) of a code z (K,), its centroid at the reference's; seams are closed."""
         return self.poisson.reconstruct(self.decoder.features(z))
 
     def tangents(self, z: FloatArray) -> FloatArray:
-        """Derivative (K, 3V) of decoded positions by the latent code z (K,), centroid fixed."""
+        """Derivative (K, 3V) of `decode_centred` by the latent code z (K,); seams are closed."""
         from deformer.model.whole_shapes import tangents  # not to read a model: it imports numba
 
-        return tangents(self, z)
+        return tangents(self.closed, z)
+
+    def _closed_shapes(self, vertices: ArrayLike) -> ArrayLike:
+        """Shapes (..., U, 3) without seams, from shapes (..., V, 3), which are checked."""
+        if not self.seams:
+            return vertices
+        V = len(self.reference.vertices)
+        return self.seams.close(checked_array(vertices, "vertices", (V, 3), ("N", V, 3)))
 
     def centroid_offset(self, z: FloatArray) -> FloatArray:
         """Offsets (..., 3) of decoded centroids from the reference's, for codes z (..., K)."""

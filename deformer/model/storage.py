@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from deformer.acap import FeatureScaler
 from deformer.checks import LARGEST, checked_path
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, connectivity_hash
+from deformer.geometry import FloatArray, Seams, connectivity_hash, no_seams
 from deformer.io import (
     JsonValue,
     atomic_directory,
@@ -85,6 +85,8 @@ def save_model(model: DeformationModel, path: str | Path) -> None:
         if model.bend_limits is not None:
             for name, array in model.bend_limits.arrays.items():
                 arrays[f"bend_limits_{name}"] = array
+        if model.seams:
+            arrays["seams"] = model.seams.closed
         write_tensors(folder / _FILES[2], arrays)
         V = len(model.reference.vertices)
         scaler = model.scaler
@@ -264,6 +266,7 @@ def _read(folder: Path, path: str | Path) -> DeformationModel:
             noise,
             BendLimits(**limits) if limits else None,
             misfits,
+            _seams(tensors, V),
         )
 
 
@@ -296,7 +299,7 @@ def _tensors(path: Path) -> dict[str, NDArray]:
     """All arrays of a model's weights, whose names and types are checked."""
     tensors = read_tensors(path)
     needed = {"codes", "latent_mean", "latent_covariance"}
-    optional = [{"rigid_prior_offset", "rigid_prior_gain"}]
+    optional = [{"rigid_prior_offset", "rigid_prior_gain"}, {"seams"}]
     optional.append({f"bend_limits_{field.name}" for field in fields(BendLimits)})
     needed |= set().union(*(group for group in optional if group & set(tensors)))
     found = {name for name in tensors if not name.startswith("network.")}
@@ -306,6 +309,7 @@ def _tensors(path: Path) -> dict[str, NDArray]:
         raise InputError(f"{path}: {name}: {what}; restore the file or retrain")
     for name, array in tensors.items():
         kind = np.float32 if name.startswith("network.") else np.float64
+        kind = np.int64 if name == "seams" else kind
         if array.dtype != kind:
             raise InputError(
                 f"{path}: {name}: expected {np.dtype(kind)}, got {array.dtype}; restore the file"
@@ -321,6 +325,19 @@ def _rigid_prior(deviations: JsonValue, tensors: Mapping[str, NDArray]) -> Rigid
         deviations[n].number(above=0, most=LARGEST) for n in ("rotation", "translation")
     )
     return RigidPrior(rotation, translation, **_arrays(tensors, "rigid_prior_"))
+
+
+def _seams(tensors: Mapping[str, NDArray], vertex_count: int) -> Seams:
+    """The seams of a reference of V vertices; each closed vertex has a number, in order."""
+    if "seams" not in tensors:
+        return no_seams(vertex_count)
+    closed = tensors["seams"]
+    if closed.shape != (vertex_count,):
+        raise InputError(f"seams: expected ({vertex_count},), got {closed.shape}; restore the file")
+    first = np.sort(np.unique(closed, return_index=True)[1])
+    if not np.array_equal(closed[first], np.arange(len(first))):
+        raise InputError("seams: expected vertices numbered in order; restore the file or retrain")
+    return Seams(closed)
 
 
 def _split(value: JsonValue, count: int) -> dict[str, list[int]]:

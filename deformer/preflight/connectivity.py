@@ -8,19 +8,27 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from deformer.geometry import FloatArray, IntArray, MeshSequence, connected_components
+from deformer.geometry import (
+    FloatArray,
+    IntArray,
+    MeshSequence,
+    Seams,
+    connected_components,
+    same_place,
+)
 from deformer.preflight.report import Finding, Labels
 
 _DEGENERATE_AREA = 1e-12
 
 
 def examine_connectivity(
-    faces: IntArray, vertex_count: int, facts: dict[str, Any], findings: list[Finding]
+    faces: IntArray, seams: Seams, facts: dict[str, Any], findings: list[Finding]
 ) -> None:
-    """Add facts and findings that depend on the faces (F, 3) alone, not on positions."""
-    isolated = isolated_vertices(faces, vertex_count)
-    # A vertex without a face is a component of its own to the graph.
-    components = connected_components(faces, vertex_count)[0] - len(isolated)
+    """Add facts and findings that depend on the faces (F, 3) and seams alone, not on positions."""
+    isolated = isolated_vertices(faces, len(seams.closed))
+    # Along seams a surface is whole. A vertex without a face is a component of its own.
+    whole, U = seams.closed[faces], len(seams.first)
+    components = connected_components(whole, U)[0] - len(isolated_vertices(whole, U))
     half = half_edges(faces)
     half = half[half[:, 0] != half[:, 1]]
     pairs, label, uses = np.unique(
@@ -32,7 +40,7 @@ def examine_connectivity(
     inconsistent = pairs[(uses == 2) & (balance != 0)]
     facts |= {
         "components": components,
-        "boundary_loops": len(np.unique(border_loops(faces, vertex_count)[1])),
+        "boundary_loops": len(np.unique(border_loops(whole, U)[1])),
         "non_manifold_edges": len(non_manifold),
         "isolated_vertices": len(isolated),
         "inconsistent_orientation": len(inconsistent),
@@ -88,7 +96,11 @@ def examine_connectivity(
 
 
 def examine_places(
-    shapes: MeshSequence, label: Labels, facts: dict[str, Any], findings: list[Finding]
+    shapes: MeshSequence,
+    seams: Seams,
+    label: Labels,
+    facts: dict[str, Any],
+    findings: list[Finding],
 ) -> None:
     """Add facts and findings about faces of shape 0 without area, and coincident vertices."""
     degenerate = np.flatnonzero(_without_area(shapes.vertices[0], shapes.faces))
@@ -106,28 +118,28 @@ def examine_places(
                 faces=tuple(degenerate.tolist()),
             )
         )
-    if not len(coincident):
-        return
-    always = same_place(shapes.vertices)
-    seams = np.flatnonzero(always != np.arange(len(always)))
-    if len(seams):
+    always = seams.first[seams.closed]
+    split = np.flatnonzero(always != np.arange(len(always)))
+    if len(split):
         findings.append(
             Finding(
-                "warning",
+                "info",
                 "seams",
-                f"vertices that lie on another in all shapes: {len(seams)}, e.g. {seams[0]} on "
-                f"{always[seams[0]]}, expected none; weld seams in all shapes alike",
-                vertices=tuple(seams.tolist()),
+                f"vertices that lie on another in all shapes: {len(split)}, e.g. {split[0]} on "
+                f"{always[split[0]]}; a model closes such seams and has these vertices at one "
+                "place, nothing to do",
+                vertices=tuple(split.tolist()),
             )
         )
-    if len(seams) < len(coincident):
-        i = np.setdiff1d(coincident, seams, assume_unique=True)[0]
+    touching = np.setdiff1d(coincident, split, assume_unique=True)
+    if len(touching):
+        i = touching[0]
         findings.append(
             Finding(
                 "info",
                 "touching",
                 f"vertices of {label([0])} that lie on another there but not in all shapes: "
-                f"{len(coincident) - len(seams)}, e.g. {i} on {first[i]}; nothing to do if "
+                f"{len(touching)}, e.g. {i} on {first[i]}; nothing to do if "
                 "surfaces touch there",
                 shapes=(0,),
                 vertices=(int(i),),
@@ -145,23 +157,6 @@ def isolated_vertices(faces: IntArray, vertex_count: int) -> IntArray:
     used = np.zeros(vertex_count, dtype=bool)
     used[faces] = True
     return np.flatnonzero(~used)
-
-
-def same_place(vertices: FloatArray) -> IntArray:
-    """For every vertex of shapes (N, V, 3) the first vertex at exactly its place in all of them."""
-    first = np.arange(vertices.shape[1])
-    candidates, group = first.copy(), np.zeros(len(first))
-    for shape in vertices:
-        # Only vertices that share their place with another in all shapes before this one.
-        rows = np.column_stack([group, shape[candidates] + 0.0])
-        group = np.unique(rows, axis=0, return_inverse=True)[1].ravel()
-        shared = np.bincount(group)[group] > 1
-        candidates, group = candidates[shared], group[shared]
-        if not len(candidates):
-            return first
-    _, index, label = np.unique(group, return_index=True, return_inverse=True)
-    first[candidates] = candidates[index[label.ravel()]]
-    return first
 
 
 def _without_area(p: FloatArray, faces: IntArray) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from deformer.checks import checked_instance
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, MeshSequence, procrustes
+from deformer.geometry import FloatArray, MeshSequence, find_seams, procrustes
 from deformer.preflight import frames, neighbours
 from deformer.preflight.connectivity import examine_connectivity, examine_places
 from deformer.preflight.orientation import examine_orientation
@@ -32,7 +32,8 @@ def examine(shapes: MeshSequence, names: Sequence[str] | None = None) -> Report:
 
     Returns:
         A report. Facts: shapes, vertices, faces, components and isolated_vertices (a vertex
-        without a face is no component), boundary_loops (connected pieces of the border),
+        without a face is no component), seam_vertices (that lie on another one in all shapes; the
+        surface is whole there), boundary_loops (connected pieces of the border),
         non_manifold_edges (more than two faces), inconsistent_orientation (edges that both faces
         traverse in the same direction), degenerate_faces and coincident_vertices (of the
         reference; of coincident vertices all but one), bounding_diagonal {min, max},
@@ -56,8 +57,10 @@ def examine(shapes: MeshSequence, names: Sequence[str] | None = None) -> Report:
         "vertices": shapes.vertices.shape[1],
         "faces": len(shapes.faces),
     }
-    examine_connectivity(shapes.faces, shapes.vertices.shape[1], facts, findings)
-    examine_places(shapes, label, facts, findings)
+    seams = find_seams(shapes.vertices)
+    facts["seam_vertices"] = len(seams.closed) - len(seams.first)
+    examine_connectivity(shapes.faces, seams, facts, findings)
+    examine_places(shapes, seams, label, facts, findings)
     facts["bounding_diagonal"] = {"min": float(diagonals.min()), "max": float(diagonals.max())}
     points = frames.points(shapes, label)
     findings += points or _examine_shapes(shapes, diagonals, facts, label)

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from deformer.geometry import FloatArray, IntArray
-from deformer.preflight.connectivity import border_loops, half_edges, same_place
+from deformer.geometry import FloatArray, IntArray, same_place
+from deformer.preflight.connectivity import border_loops, half_edges
 from deformer.preflight.neighbours import odd_ones
 from deformer.preflight.statistics import Statistics, evenly
 

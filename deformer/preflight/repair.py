@@ -11,7 +11,7 @@ from scipy.sparse import csgraph
 
 from deformer.checks import checked_instance
 from deformer.geometry import FloatArray, IntArray, MeshSequence, align, edges
-from deformer.preflight.connectivity import half_edges, isolated_vertices, same_place
+from deformer.preflight.connectivity import half_edges, isolated_vertices
 from deformer.preflight.examination import examine
 from deformer.preflight.report import Finding, Labels, Report
 from deformer.preflight.statistics import Statistics
@@ -45,8 +45,8 @@ def repair_shapes(shapes: MeshSequence, names: Sequence[str] | None = None) -> R
     """Undo what `examine` finds wrong with shapes, as far as that is safe.
 
     Mirror images and mixed-up axes are brought back, units are made the same, vertices are put in
-    the order of the others, coincident vertices are welded, vertices without a face are dropped,
-    faces are turned to agree, and shapes that turn as a whole are aligned where that helps.
+    the order of the others, vertices without a face are dropped, faces are turned to agree, and
+    shapes that turn as a whole are aligned where that helps.
     A shape that is turned as a whole or moved away among quiet neighbours is put back between them.
     Repeated shapes, vertices far off and shapes pressed flat stay as they are.
 
@@ -61,7 +61,6 @@ def repair_shapes(shapes: MeshSequence, names: Sequence[str] | None = None) -> R
         report = examine(work.shapes, names)
         if not work.mend_shapes(report):
             break
-    work.weld()
     work.drop_isolated()
     work.orient()
     if turned := examine(work.shapes, names).of_kind("turned"):
@@ -150,24 +149,6 @@ class _Work:
         moved = int((found != np.arange(len(found))).sum())
         vertices[n] = vertices[n][found]
         self._did([n], f"{moved} vertices put in the order of the others")
-
-    def weld(self) -> None:
-        """Make vertices that coincide in all shapes one, unless faces would then meet badly."""
-        first = same_place(self.shapes.vertices)
-        gone = np.flatnonzero(first != np.arange(len(first)))
-        if not len(gone):
-            return
-        faces = first[self.shapes.faces]
-        whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-        if not whole.any() or _crowded(faces[whole]) > _crowded(self.shapes.faces):
-            self.done.append(
-                f"vertices that lie on another: {len(gone)}, left as they are; welded, edges would "
-                "have more than two faces"
-            )
-            return
-        note = "" if whole.all() else f", and {(~whole).sum()} faces without area removed"
-        self._keep(first == np.arange(len(first)), faces[whole])
-        self.done.append(f"all shapes: {len(gone)} vertices welded to those they lie on{note}")
 
     def drop_isolated(self) -> None:
         """Remove vertices without a face."""

@@ -21,7 +21,15 @@ from deformer.checks import (
     shortened,
 )
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, Mesh, MeshSequence, align, e_rms, vertex_errors
+from deformer.geometry import (
+    FloatArray,
+    Mesh,
+    MeshSequence,
+    align,
+    e_rms,
+    find_seams,
+    vertex_errors,
+)
 from deformer.io import locked
 from deformer.linalg import check_device
 from deformer.model import DeformationModel
@@ -66,7 +74,8 @@ def train(
     """Learn a deformation prior from example shapes.
 
     Args:
-        shapes: N shapes with one connectivity.
+        shapes: N shapes with one connectivity. Vertices that coincide in all of them
+            (`SEAM_TOLERANCE`) are one to the model, and come back as many.
         components: K, the dimension of the latent code; None keeps the config's.
         config: "default", "paper" or a ModelConfig.
         epochs: training steps; None keeps the config's.
@@ -103,6 +112,8 @@ def train(
     checked_choice(up, "up", ("x", "y", "z", "-x", "-y", "-z"))
     if resume and (checkpoint is None or not has_checkpoint(checkpoint)):
         raise InputError(f"{checkpoint}: no checkpoint to resume; start without resuming")
+    whole, seams = shapes, find_seams(shapes.vertices)
+    shapes = seams.close_shapes(whole)
     _check_size(shapes, settings)
     folder = checked_path(checkpoint, "checkpoint") if checkpoint is not None else None
     split = _checked_split({} if split is None else split, len(shapes))
@@ -169,11 +180,14 @@ def train(
     rebuilt = model.decode(model.codes)
     summary["train_e_rms"] = e_rms(examples.shapes.vertices, rebuilt)
     summary |= _farthest(examples.shapes.vertices, rebuilt, indices, base)
+    if "worst_piece_vertex" in summary:
+        summary["worst_piece_vertex"] = int(seams.first[summary["worst_piece_vertex"]])
     if test_shapes is not None:
         if settings.align:
             test_shapes = align(test_shapes, examples.reference.vertices)
         summary["test_e_rms"] = e_rms(test_shapes, model.decode(model.encode(test_shapes)))
-    return replace(model, **chosen_handles)
+    opened = Mesh(seams.open(model.reference.vertices), whole.faces)
+    return replace(model, reference=opened, seams=seams, **chosen_handles)
 
 
 def check_resumable(

@@ -222,14 +222,16 @@ def test_faces_without_area_and_vertices_at_one_place():
     shapes = healthy()
     vertices = shapes.vertices.copy()
     vertices[:, 29] = vertices[:, 28]
+    vertices[0, 12] = vertices[0, 11]
     report = examine(MeshSequence(vertices, shapes.faces))
     edge = ((shapes.faces == 28).any(axis=1)) & ((shapes.faces == 29).any(axis=1))
     # Collapsing vertex 29 also flattens the other face of the corner cell if it becomes a line.
     assert report.facts["degenerate_faces"] >= edge.sum() == 1
-    assert report.facts["coincident_vertices"] == 1
-    degenerate, coincident = messages(report, "warning")
-    assert f"face {np.flatnonzero(edge)[0]} " in degenerate
-    assert "29 on 28" in coincident
+    assert report.facts["coincident_vertices"] == 2 and report.facts["seam_vertices"] == 1
+    (degenerate,) = messages(report, "warning")
+    assert "29 on 28" in report.of_kind("seams")[0].message
+    assert "12 on 11" in report.of_kind("touching")[0].message
+    assert degenerate.startswith("faces of ")
 
 
 def test_repeated_corner_counts_as_no_area():

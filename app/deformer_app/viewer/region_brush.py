@@ -32,7 +32,7 @@ class RegionBrush:
 
     def paint(self, model: DeformationModel, vertex: int) -> None:
         """Paint the disc around a vertex of a model's reference."""
-        distance = model.geodesics.row(vertex)
+        distance = model.distances(vertex)
         inside = distance <= self.radius * model.reference.bounding_diagonal
         self._region.update(np.flatnonzero(inside).tolist())
 
