@@ -146,6 +146,7 @@ def calls(tmp_path_factory):
         "MeshSequence.subset": (shapes.subset, ([0],)),
         "MeshSequence.mesh": (shapes.mesh, (0,)),
         "Document.write": (document.write, (V, ".ply")),
+        "DeformationModel.distances": (model.distances, (3,)),
         "DeformationModel.encode": (model.encode, (V,)),
         "DeformationModel.decode": (model.decode, (code,)),
         "DeformationModel.fit": (model.fit, (V, 1)),

@@ -42,7 +42,7 @@ class Setting:
         Raises:
             InputError: there is no such model.
         """
-        loaded = load_model(model)
+        loaded = load_model(model).closed
         digest = hashlib.sha256()
         for array in loaded.weights.arrays.values():
             digest.update(array.tobytes())
@@ -114,14 +114,14 @@ def train_method(
         KeyboardInterrupt: training was interrupted; its checkpoint is saved.
     """
     if setting.model is not None:
-        model = load_model(setting.model)
+        model = load_model(setting.model).closed
         return Autoencoder(model), float(model.summary["seconds"])
     begun = time.perf_counter()
     if cache is None:
         return METHODS[method]().fit(shapes, components, seed), time.perf_counter() - begun
     entry, before = NETWORKS[method], 0.0
     if (cache / "model.json").is_file():
-        model = load_model(cache)
+        model = load_model(cache).closed
         before = float(model.summary["seconds"])
     else:
         model = _train_network(entry.config, shapes, components, seed, setting, cache)

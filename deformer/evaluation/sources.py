@@ -7,6 +7,7 @@ aligned to it separately.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -19,8 +20,10 @@ from deformer.geometry import (
     IntArray,
     Mesh,
     MeshSequence,
+    Seams,
     align,
     farthest_points,
+    find_seams,
 )
 from deformer.io import load_shapes
 
@@ -33,7 +36,9 @@ class Source:
         name: its name in rows and tables.
         path: file or directory that `load_shapes` reads.
         count: number of shapes.
-        vertices: number of vertices.
+        vertices: number of vertices of the surface without seams (`geometry.Seams`), on which all
+            methods are measured.
+        file_vertices: number of vertices of its files.
         fingerprint: hash of vertices and faces; a changed file is another data set.
         ordered: true when the shapes are frames in order of time.
         align: true to remove each shape's rigid motion against the reference.
@@ -44,6 +49,7 @@ class Source:
     path: str
     count: int
     vertices: int
+    file_vertices: int
     fingerprint: str
     ordered: bool = False
     align: bool = False
@@ -58,11 +64,16 @@ class Source:
         Raises:
             InputError: the data set cannot be read.
         """
-        shapes = _load(path)
+        shapes, seams = _load(path)
         digest = hashlib.sha256(np.ascontiguousarray(shapes.vertices).tobytes())
         digest.update(np.ascontiguousarray(shapes.faces).tobytes())
-        V = shapes.vertices.shape[1]
-        return cls(name, path, len(shapes), V, digest.hexdigest()[:16], ordered, align, up)
+        V, digits = shapes.vertices.shape[1], digest.hexdigest()[:16]
+        return cls(name, path, len(shapes), V, len(seams.closed), digits, ordered, align, up)
+
+    def closed_vertices(self, vertices: Sequence[int]) -> tuple[int, ...]:
+        """Vertices of the surface without seams, each once, from vertices of the files."""
+        closed = _load(self.path)[1].closed[list(vertices)]
+        return tuple(dict.fromkeys(closed.tolist()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +118,7 @@ def load_split(
     Raises:
         InputError: the data set cannot be read.
     """
-    shapes = _load(source.path)
+    shapes, _ = _load(source.path)
     train, held_out = shapes.subset(split.train), shapes.vertices[list(test)]
     reference = train.mesh(0)
     if source.align:
@@ -121,5 +132,8 @@ def load_split(
 
 
 @lru_cache(maxsize=2)
-def _load(path: str) -> MeshSequence:
-    return load_shapes(path)
+def _load(path: str) -> tuple[MeshSequence, Seams]:
+    """Shapes without seams, and the seams of the files."""
+    shapes = load_shapes(path)
+    seams = find_seams(shapes.vertices)
+    return seams.close_shapes(shapes), seams

@@ -18,6 +18,7 @@ from deformer.checks import (
     check_memory,
     checked_array,
     checked_instance,
+    checked_integer,
     checked_number,
     shortened,
 )
@@ -245,8 +246,14 @@ class DeformationModel:
         return self.closed.geodesics if self.seams else Geodesics(self.reference)
 
     def distances(self, vertex: int) -> FloatArray:
-        """Geodesic distances (V,) from a vertex of the reference, in its units."""
-        return self.geodesics.row(int(self.seams.closed[vertex]))[self.seams.closed]
+        """Geodesic distances (V,) from a vertex of the reference, in its units.
+
+        Raises:
+            InputError: no such vertex.
+        """
+        closed = self.seams.closed
+        index = checked_integer(vertex, "vertex", least=0, most=len(closed) - 1)
+        return self.geodesics.row(int(closed[index]))[closed]
 
     @cached_property
     def _rings(self) -> tuple[IntArray, IntArray]:

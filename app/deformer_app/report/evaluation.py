@@ -163,7 +163,7 @@ def _studies(paths: list[str], options: Options, preset: str | None) -> list[Stu
 
 def _layout(path: Path, source: Source) -> tuple[int, ...]:
     """The vertices of a handles file of one pose."""
-    file = io.load_handles(path, source.vertices)
+    file = io.load_handles(path, source.file_vertices)
     if file.is_sequence:
         raise deformer.InputError(
             f"{path}: has frames, expected the handles of one pose; give the file of "
@@ -176,7 +176,7 @@ def _layout(path: Path, source: Source) -> tuple[int, ...]:
                 f"{path}: handles[{n}]: expected a vertex without offset, got a point beside the "
                 "mesh's vertices; give the index of a vertex"
             )
-    return tuple(vertex for vertex in vertices if isinstance(vertex, int))
+    return source.closed_vertices([vertex for vertex in vertices if isinstance(vertex, int)])
 
 
 def _split_files(options: Options, count: int) -> dict[str, Any]:
