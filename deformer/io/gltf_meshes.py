@@ -14,7 +14,7 @@ from deformer.geometry import FloatArray, IntArray
 from deformer.io.gltf import INDICES, GltfAsset
 from deformer.io.gltf_nodes import Moving, NodeTree
 from deformer.io.gltf_skins import Skin
-from deformer.io.parsing import distinct, fan_triangles
+from deformer.io.parsing import checked_polygons, distinct
 
 _TRIANGLES = 4
 # Nodes may show one mesh any number of times, so a small file could ask for any amount of memory.
@@ -318,14 +318,14 @@ class GltfScene:
             )  # fmt: skip
             self._parts.append(parts[key])
             self.vertex_count += len(points)
-        faces = fan_triangles(
+        polygons = checked_polygons(
             corners.astype(np.int64),
             np.full(len(corners) // 3, 3, dtype=np.int64),
             len(points),
             asset.name,
             lambda i: f"{label} face {i}",
         )
-        return faces, parts[key]
+        return polygons.corners.reshape(-1, 3), parts[key]
 
 
 def _is_influence(attribute: Any) -> bool:

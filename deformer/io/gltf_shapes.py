@@ -9,10 +9,11 @@ import numpy as np
 
 from deformer.checks import shortened
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, IntArray, MeshSequence
+from deformer.geometry import FloatArray, MeshSequence
 from deformer.io.gltf import GltfAsset
 from deformer.io.gltf_animation import Clip, clip_names, find_clip
 from deformer.io.gltf_meshes import GltfScene
+from deformer.io.polygons import Polygons
 from deformer.io.sampling import check_room, frame_times
 
 _log = logging.getLogger("deformer")
@@ -30,8 +31,8 @@ class GltfReader:
         """Start a sequence."""
         self._told = False
 
-    def __call__(self, data: bytes, name: str) -> tuple[FloatArray, IntArray]:
-        """Vertices (V, 3) and triangles (F, 3) of a GLB or glTF file.
+    def __call__(self, data: bytes, name: str) -> tuple[FloatArray, Polygons]:
+        """Vertices (V, 3) and triangles of a GLB or glTF file.
 
         Args:
             data: contents of the file.
@@ -47,7 +48,8 @@ class GltfReader:
                 f"{name}: read as the file shows it, one shape; its {len(scene.target_names)} "
                 "morph targets are shapes only where it is the only file"
             )
-        return scene.vertices(_rows(scene.default_weights()), {}, 1)[0], scene.faces
+        vertices = scene.vertices(_rows(scene.default_weights()), {}, 1)[0]
+        return vertices, Polygons.of_triangles(scene.faces)
 
 
 def read_shapes(asset: GltfAsset, fps: float, clip: str | int | None) -> MeshSequence:

@@ -6,6 +6,7 @@ vertices at all, so corners with equal positions are welded (see `load_shapes`).
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn, TypeVar
@@ -22,10 +23,12 @@ from deformer.io.npz import read_npz
 from deformer.io.obj import ObjReader
 from deformer.io.off import read_off
 from deformer.io.ply import read_ply
+from deformer.io.polygons import Polygons
 from deformer.io.sampling import checked_fps
 from deformer.io.stl import StlReader
 
-_Reader = Callable[[bytes, str], tuple[FloatArray, IntArray]]
+_log = logging.getLogger("deformer")
+_Reader = Callable[[bytes, str], tuple[FloatArray, Polygons]]
 _Clip = str | int | None
 T = TypeVar("T")
 
@@ -59,7 +62,10 @@ def load_shapes(
     The names of the shapes are those of the files without suffixes, of the morph targets, or the
     times of the frames ("walk 0.25 s"); shapes of an NPZ have none.
 
-    STL corners that coincide exactly in the first shape are welded in all shapes.
+    Polygons are cut into triangles by the first shape's positions, alike in all shapes: as fans
+    around their first corners, concave ones by ear clipping. STL corners that coincide exactly in
+    the first shape are welded in all shapes. Files that have the same faces in another order, or
+    from another corner on, are taken with the first file's order, and the log says so.
 
     Args:
         path: a directory of OBJ, PLY, OFF, STL, GLB or glTF files of one format, read in natural
@@ -169,31 +175,69 @@ def _load_files(files: list[Path], progress: Callable[[int, int], None] | None) 
             raise InputError(f"{first}: does not exist; check the path")
         raise _unknown_suffix(first)
     read = _READERS[first.suffix.lower()]()
-    shared: IntArray = np.empty((0, 3), np.int64)
-    all_vertices: FloatArray = np.empty((0, 0, 3))
+    vertices, polygons = _read_file(first, read)
+    _check_finite(vertices, str(first))
+    faces = _guarded(first, lambda: polygons.triangles(vertices, str(first)))
+    all_vertices = np.empty((len(files), len(vertices), 3))
+    reordered: list[str] = []
     for i, file in enumerate(files):
-        vertices, faces = _read_file(file, read)
-        _check_finite(vertices, str(file))
-        if i == 0:
-            shared = faces
-            all_vertices = np.empty((len(files), *vertices.shape))
-        if len(vertices) != all_vertices.shape[1]:
-            raise InputError(
-                f"{file}: {len(vertices)} vertices, expected {all_vertices.shape[1]} as in "
-                f"{first.name}; export all shapes with one connectivity"
-            )
-        if faces is not shared and not np.array_equal(faces, shared):
-            _raise_other_faces(file, faces, first, shared)
+        if i > 0:
+            vertices, others = _read_file(file, read)
+            _check_finite(vertices, str(file))
+            if len(vertices) != all_vertices.shape[1]:
+                raise InputError(
+                    f"{file}: {len(vertices)} vertices, expected {all_vertices.shape[1]} as in "
+                    f"{first.name}; export all shapes with one connectivity"
+                )
+            if not others.equals(polygons) and not _alike(
+                file, others, first, polygons, faces, all_vertices[0]
+            ):
+                reordered.append(file.name)
         all_vertices[i] = vertices
         if progress:
             progress(i + 1, len(files))
-    names = tuple(file.stem for file in files)
-    return MeshSequence(
-        all_vertices, shared if shared is not None else np.empty((0, 3), int), names
-    )
+    if reordered:
+        _log.warning(
+            f"{first.parent}: {len(reordered)} files, e.g. {reordered[0]}, have the faces of "
+            f"{first.name} in another order or from another corner on; the order of {first.name} "
+            "is used"
+        )
+    return MeshSequence(all_vertices, faces, tuple(file.stem for file in files))
 
 
-def _read_file(file: Path, read: _Reader) -> tuple[FloatArray, IntArray]:
+def _alike(
+    file: Path,
+    found: Polygons,
+    first: Path,
+    polygons: Polygons,
+    faces: IntArray,
+    vertices: FloatArray,
+) -> bool:
+    """True if a file has the triangles of the first one, false if it has them in another order.
+
+    Args:
+        file: the file.
+        found: its polygons.
+        first: the first file.
+        polygons: those of the first file.
+        faces: triangles (F, 3) of the first file.
+        vertices: positions (V, 3) of the first file.
+
+    Raises:
+        InputError: it has other ones.
+    """
+    if found.same_faces(polygons):
+        return False
+    # Such as quads that are cut already; with the first shape's positions, as the first file's.
+    cut = _guarded(file, lambda: found.triangles(vertices, str(file)))
+    if np.array_equal(cut, faces):
+        return True
+    if Polygons.of_triangles(cut).same_faces(Polygons.of_triangles(faces)):
+        return False
+    _raise_other_faces(file, cut, first, faces)
+
+
+def _read_file(file: Path, read: _Reader) -> tuple[FloatArray, Polygons]:
     data = read_bytes(file)
     return _guarded(file, lambda: read(data, str(file)))
 
@@ -220,12 +264,21 @@ def _raise_other_faces(file: Path, faces: IntArray, first: Path, shared: IntArra
     if len(faces) != len(shared):
         difference = f"{len(faces)} triangles, expected {len(shared)}"
     else:
-        i = int(np.flatnonzero((faces != shared).any(axis=1))[0])
+        known = {_from_least(face) for face in shared.tolist()}
+        lost = (i for i, face in enumerate(faces.tolist()) if _from_least(face) not in known)
+        # Without one, some triangle comes more often than in the first file.
+        i = next(lost, int(np.flatnonzero((faces != shared).any(axis=1))[0]))
         difference = f"triangle {i} is {faces[i].tolist()}, expected {shared[i].tolist()}"
     raise InputError(
         f"{file}: {difference} as in {first.name}; export all shapes with one connectivity and "
         "vertex order"
     )
+
+
+def _from_least(face: list[int]) -> tuple[int, ...]:
+    """Corners of a triangle from the least on, in its own direction."""
+    at = face.index(min(face))
+    return (*face[at:], *face[:at])
 
 
 def _check_finite(vertices: FloatArray, name: str) -> None:

@@ -8,7 +8,8 @@ import numpy as np
 
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
-from deformer.io.parsing import corner_indices, fan_triangles, plain_text, positions
+from deformer.io.parsing import checked_polygons, corner_indices, plain_text, positions
+from deformer.io.polygons import Polygons
 
 _CONTINUED = re.compile(rb"^[ \t]*[vfVF](?=[ \t\\])(?:[^\n]*\\\r?\n)+", re.MULTILINE)
 _UPPER = re.compile(rb"^ *[VF] ", re.MULTILINE)
@@ -25,10 +26,10 @@ class ObjReader:
     def __init__(self) -> None:
         """Start a sequence."""
         self._face_text = b""
-        self._faces: IntArray | None = None
+        self._faces: Polygons | None = None
 
-    def __call__(self, data: bytes, name: str) -> tuple[FloatArray, IntArray]:
-        """Positions (V, 3) and triangles (F, 3) of an OBJ file.
+    def __call__(self, data: bytes, name: str) -> tuple[FloatArray, Polygons]:
+        """Positions (V, 3) and polygons of an OBJ file.
 
         Args:
             data: contents of the file.
@@ -89,7 +90,7 @@ def _line_of(text: bytes, keyword: bytes, index: int) -> str:
 
 def _faces(
     face_lines: list[bytes], lines: list[bytes], text: bytes, vertex_count: int, name: str
-) -> IntArray:
+) -> Polygons:
     # "17/3/5" is vertex 17, texture coordinate 3, normal 5; only the vertex is used.
     plain = re.sub(rb"#[^\n]*|/[^\s#]*", b"", b"\n".join(face_lines))
     rows: list[list[bytes]] = []
@@ -109,7 +110,7 @@ def _faces(
         is_face = np.array([line[:2] == b"f " or line == b"f" for line in lines])
         seen = np.cumsum(is_vertex)[is_face]
         corners = np.where(raw < 0, raw + np.repeat(seen[: len(counts)], counts), corners)
-    return fan_triangles(corners, counts, vertex_count, name, where, written=raw, first=1)
+    return checked_polygons(corners, counts, vertex_count, name, where, written=raw, first=1)
 
 
 def write_obj(vertices: FloatArray, faces: IntArray) -> bytes:

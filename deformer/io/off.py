@@ -9,13 +9,14 @@ import numpy as np
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
 from deformer.io.parsing import (
+    checked_polygons,
     corner_indices,
-    fan_triangles,
     item_count,
     plain_text,
     positions,
     shown,
 )
+from deformer.io.polygons import Polygons
 
 # In these variants x y z lead every vertex line; colours, normals and texture coordinates follow.
 # All in capitals or none: nOFF is another format, with points of n coordinates.
@@ -24,8 +25,8 @@ _HEADER = re.compile(rb"(ST)?C?N?OFF|(st)?c?n?off")
 _COUNT_IN_KEYWORD = re.compile(rb"\s*(?:OFF|off)(?=\d)")
 
 
-def read_off(data: bytes, name: str) -> tuple[FloatArray, IntArray]:
-    """Positions (V, 3) and triangles (F, 3) of an OFF file.
+def read_off(data: bytes, name: str) -> tuple[FloatArray, Polygons]:
+    """Positions (V, 3) and polygons of an OFF file.
 
     Args:
         data: contents of the file.
@@ -95,14 +96,14 @@ def read_off(data: bytes, name: str) -> tuple[FloatArray, IntArray]:
         return where(middle + i)
 
     corners, counts = corner_indices(polygons, name, where_face)
-    return vertices, fan_triangles(corners, counts, vertex_count, name, where_face)
+    return vertices, checked_polygons(corners, counts, vertex_count, name, where_face)
 
 
 def _tokens(line: bytes) -> list[bytes]:
     return line.partition(b"#")[0].split()
 
 
-def _read_plain_triangles(data: bytes) -> tuple[FloatArray, IntArray] | None:
+def _read_plain_triangles(data: bytes) -> tuple[FloatArray, Polygons] | None:
     """The mesh of a file of positions and triangles alone; None if there is anything else.
 
     It ignores line ends and is about three times as fast as the full reader.
@@ -127,7 +128,7 @@ def _read_plain_triangles(data: bytes) -> tuple[FloatArray, IntArray] | None:
         or (faces >= vertex_count).any()
     ):
         return None
-    return vertices, faces
+    return vertices, Polygons.of_triangles(faces)
 
 
 def write_off(vertices: FloatArray, faces: IntArray) -> bytes:

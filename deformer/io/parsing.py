@@ -1,4 +1,4 @@
-"""Shared parts of the mesh file readers: text, numbers, face indices, triangulation of polygons."""
+"""Shared parts of the mesh file readers: text, numbers, face indices."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
+from deformer.io.polygons import Polygons
 
 # Where item number i is in the file, for an error message: "line 12", "face 3".
 Where = Callable[[int], str]
@@ -134,7 +135,7 @@ def distinct(names: Iterable[str]) -> tuple[str, ...]:
     return tuple(found)
 
 
-def fan_triangles(
+def checked_polygons(
     corners: IntArray,
     counts: IntArray,
     vertex_count: int,
@@ -142,10 +143,8 @@ def fan_triangles(
     where: Where,
     written: IntArray | None = None,
     first: int = 0,
-) -> IntArray:
-    """Split polygons into triangles (F, 3), as fans around the first corner of each.
-
-    The split depends on the indices alone, so it is the same in every shape of a sequence.
+) -> Polygons:
+    """Polygons whose numbers of corners and indices are right.
 
     Args:
         corners: vertex indices of all polygons in one array, counted from 0.
@@ -175,8 +174,4 @@ def fan_triangles(
             f"{name}, {where(face)}: found vertex index {found}, expected "
             f"{first}…{vertex_count - 1 + first}; remove the face or add the missing vertices"
         )
-    triangles = counts - 2
-    polygon = np.repeat(np.arange(len(counts)), triangles)
-    step = np.arange(triangles.sum()) - np.repeat(np.cumsum(triangles) - triangles, triangles)
-    hub = (np.cumsum(counts) - counts)[polygon]
-    return np.stack([corners[hub], corners[hub + step + 1], corners[hub + step + 2]], axis=1)
+    return Polygons(corners, counts)

@@ -12,13 +12,14 @@ from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
 from deformer.io.parsing import (
     Where,
+    checked_polygons,
     corner_indices,
-    fan_triangles,
     item_count,
     plain_text,
     positions,
     shown,
 )
+from deformer.io.polygons import Polygons
 
 _TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),
@@ -64,8 +65,8 @@ class PlyElement:
         return next((n for n in ("vertex_indices", "vertex_index") if n in names), None)
 
 
-def read_ply(data: bytes, name: str) -> tuple[FloatArray, IntArray]:
-    """Positions (V, 3) and triangles (F, 3) of a PLY file.
+def read_ply(data: bytes, name: str) -> tuple[FloatArray, Polygons]:
+    """Positions (V, 3) and polygons of a PLY file.
 
     Args:
         data: contents of the file.
@@ -149,7 +150,7 @@ def _header_error(name: str, number: int, line: str, expected: str) -> InputErro
 
 def _read_text(
     data: bytes, body: int, elements: list[PlyElement], name: str
-) -> tuple[FloatArray, IntArray]:
+) -> tuple[FloatArray, Polygons]:
     lines = [line for line in data[body:].splitlines() if line and not line.isspace()]
 
     def where(row: int) -> str:
@@ -193,7 +194,7 @@ def _read_text(
         return where(face_start + i)
 
     corners, counts = corner_indices(polygons, name, where_face)
-    return vertices, fan_triangles(corners, counts, len(vertices), name, where_face)
+    return vertices, checked_polygons(corners, counts, len(vertices), name, where_face)
 
 
 def _text_positions(
@@ -234,7 +235,7 @@ def _text_polygon(row: list[bytes], element: PlyElement) -> list[bytes] | None:
 
 def _read_binary(
     data: bytes, body: int, order: str, elements: list[PlyElement], name: str
-) -> tuple[FloatArray, IntArray]:
+) -> tuple[FloatArray, Polygons]:
     vertices, corners, counts = np.empty((0, 3)), np.empty(0, np.int64), np.empty(0, np.int64)
     offset = body
     for element in elements:
@@ -266,7 +267,7 @@ def _read_binary(
             f"{name}: {len(data) - offset} bytes follow the last row of element "
             f"{elements[-1].name!r}, expected the end of the file; export it again"
         )
-    return vertices, fan_triangles(corners, counts, len(vertices), name, lambda i: f"face {i}")
+    return vertices, checked_polygons(corners, counts, len(vertices), name, lambda i: f"face {i}")
 
 
 def _whole_numbers(corners: np.ndarray, counts: IntArray, name: str) -> IntArray:

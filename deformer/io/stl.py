@@ -7,6 +7,7 @@ import numpy as np
 from deformer.errors import InputError
 from deformer.geometry import FARTHEST, FloatArray, IntArray
 from deformer.io.parsing import plain_text, positions, shown
+from deformer.io.polygons import Polygons
 
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 # The lines of one facet of text: the words each begins with, and how many it has with its numbers.
@@ -32,7 +33,7 @@ class StlReader:
         self._faces = np.empty((0, 3), dtype=np.int64)
         self._name = ""
 
-    def __call__(self, data: bytes, name: str) -> tuple[FloatArray, IntArray]:
+    def __call__(self, data: bytes, name: str) -> tuple[FloatArray, Polygons]:
         """Positions (V, 3) and triangles (F, 3) of an STL file.
 
         Args:
@@ -66,7 +67,7 @@ class StlReader:
                 f"{self._faces.ravel()[split[0]]} lies apart from the vertex's other corners, "
                 f"expected them together as in {self._name}; export as PLY, which keeps vertices"
             )
-        return vertices, self._faces
+        return vertices, Polygons.of_triangles(self._faces)
 
 
 def _corners(data: bytes, name: str) -> FloatArray:

@@ -439,7 +439,7 @@ def test_relative_faces_are_read_anew_in_every_file(tmp_path):
     [
         (SQUARE + "v 5 5 5\nf 1 2 3\nf 1 3 4\n", ["2.obj", "5 vertices", "expected 4", "1.obj"]),
         (SQUARE + "f 1 2 3\n", ["2.obj", "1 triangles", "expected 2", "1.obj"]),
-        (SQUARE + "f 1 2 3\nf 3 4 1\n", ["2.obj", "triangle 1", "[2, 3, 0]", "[0, 2, 3]"]),
+        (SQUARE + "f 1 2 3\nf 3 1 4\n", ["2.obj", "triangle 1", "[2, 0, 3]", "[0, 2, 3]"]),
     ],
 )
 def test_shapes_that_differ_are_refused(tmp_path, second, parts):
