@@ -82,6 +82,10 @@ from .preflight import (
     examine as examine,
     repair_shapes as repair_shapes,
 )
+from .rigging import (
+    Rig as Rig,
+    rig as rig,
+)
 from .training import (
     TrainingProgress as TrainingProgress,
     check_checkpoint as check_checkpoint,

@@ -17,7 +17,7 @@ APPLICATION = ROOT / "app" / "deformer_app"
 LOOSE_MODULES = ("errors", "checks", "compilation")
 LIBRARY_PACKAGES = (
     "geometry", "io", "documents", "preflight", "linalg", "acap", "network", "model", "analysis",
-    "editing", "training", "baselines", "evaluation",
+    "rigging", "editing", "training", "baselines", "evaluation",
 )  # fmt: skip
 APPLICATION_PACKAGES = ("rendering", "report", "viewer", "cli")
 # Packages of the library that the application may use beside the names of `deformer` itself.

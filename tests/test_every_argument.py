@@ -37,7 +37,7 @@ JUNK = [
 ]
 # Classes that hold results, types, and packages: nobody calls them with values of their own.
 RESULTS = {
-    "Layout",
+    *("Layout", "Rig"),
     *("Component", "Finding", "Pose", "Repair", "Report", "SequenceFit", "ShapePath", "Symmetry"),
     *("TrainingProgress", "Uncertainty", "DeformationModel", "BlendSpace", "InputError"),
     *("baselines", "evaluation", "io"),
@@ -74,6 +74,7 @@ def calls(tmp_path_factory):
     document = deformer.Document(".obj", obj, "a", len(V), mesh.faces)
     code, frames = model.codes[0], np.zeros((2, 1, 3))
     synthesis = deformer.Synthesis(model)
+    rig = deformer.rig(model, 2)
     features = deformer.extract_features(shapes)
 
     def entered(manager):
@@ -126,6 +127,7 @@ def calls(tmp_path_factory):
         "reconstruct": (shapes, features, 0),
         "remove_checkpoint": (folder / "checkpoint",),
         "repair_shapes": (shapes, None),
+        "rig": {"model": model, "bones": 2},
         "save_mesh": (folder / "o.ply", mesh, document),
         "save_names": (folder / "model", {0: "nod"}),
         "save_shapes": (folder / "o.npz", shapes, "ply"),
@@ -162,6 +164,11 @@ def calls(tmp_path_factory):
         "HandleSolver.set_prior": (solver.set_prior, {}),
         "HandleSolver.restore": (solver.restore, (code, [0.0, 0, 0], [0.0, 0, 0])),
         "HandleSolver.solve_to_convergence": (solver.solve_to_convergence, (3,)),
+        "Rig.pose": (rig.pose, (rig.rest,)),
+        "Rig.local": (rig.local, (rig.rest,)),
+        "Rig.fit": (rig.fit, (V,)),
+        "Rig.glb": (rig.glb, (24.0,)),
+        "Rig.save": (rig.save, (folder / "rig.glb", 24.0)),
         "Synthesis.code": (synthesis.code, ({0: 1.0},)),
         "Synthesis.shape": (synthesis.shape, ({0: 1.0}, "latent")),
         "Synthesis.sweep": (synthesis.sweep, (0, [0.0, 1.0], {}, "latent")),
@@ -244,6 +251,7 @@ def names_of_calls():
     methods += [f"HandleSolver.{n}" for n in ("set_handles", "drag", "set_prior", "restore")]
     methods += ["HandleSolver.solve_to_convergence", "Familiarity.distance", "Document.write"]
     methods += [f"Synthesis.{n}" for n in ("code", "shape", "sweep")]
+    methods += [f"Rig.{n}" for n in ("pose", "local", "fit", "glb", "save")]
     return sorted({*NAMES, *methods} - RESULTS - OTHERS)
 
 

@@ -15,6 +15,7 @@ from deformer_app import console
 from deformer_app.cli import (
     evaluate as evaluate_command,
     layout as layout_command,
+    rig as rig_command,
     shapes as shape_commands,
 )
 from deformer_app.cli.arguments import (
@@ -44,6 +45,7 @@ app = typer.Typer(
 app.add_typer(shape_commands.app)
 app.add_typer(evaluate_command.app)
 app.add_typer(layout_command.app)
+app.add_typer(rig_command.app)
 
 
 class Config(StrEnum):

@@ -1,0 +1,2 @@
+from .decomposition import rig as rig
+from .rigs import Rig as Rig
