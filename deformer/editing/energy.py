@@ -320,26 +320,20 @@ class HandleEnergy:
             x: (K+6,) unknowns.
             here: the handle positions at x.
         """
-        n, K = self.active, self.components
-        J = self._jacobian(x, here.positions, here.derivative())[:, :n]
+        J = self._jacobian(x, here.positions, here.derivative())[:, : self.active]
         misfit = self._misfit(x, here.positions).ravel()
-        stiffness, _ = self.stiffness(x)
-        H = J.T @ J
-        np.einsum("ii->i", H)[:] += stiffness[:n]
-        gradient = J.T @ misfit + stiffness[:n] * x[:n]
+        H, gradient = self.prior_equations(x)
+        return H + J.T @ J, gradient + J.T @ misfit
+
+    def prior_equations(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The part of `normal_equations` without handles: that of the prior."""
+        n, K = self.active, self.components
+        stiffness = self.stiffness(x)[0][:n]
+        H, gradient = np.diag(stiffness), stiffness * x[:n]
         excess, slope = self.excess_bending(x)
         H[:K, :K] += slope.T @ slope
         gradient[:K] += slope.T @ excess
         return H, gradient
-
-    def posterior(self, x: FloatArray, here: Evaluation) -> FloatArray:
-        """Posterior covariance (n, n) of the active unknowns: Laplace's approximation at x.
-
-        Args:
-            x: (K+6,) unknowns.
-            here: the handle positions at x.
-        """
-        return np.asarray(np.linalg.inv(self.normal_equations(x, here)[0]), dtype=np.float64)
 
     def _jacobian(self, x: FloatArray, p: FloatArray, dp: FloatArray) -> FloatArray:
         """Derivative (3H, K+6) of the weighted misfit."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +18,15 @@ from deformer.editing.exact_handles import ExactHandles
 from deformer.editing.handle_errors import ModelErrors
 from deformer.editing.handle_kernels import BlockDecoder, BlockHandlePositions
 from deformer.editing.handle_positions import DenseHandlePositions, HandlePositions
+from deformer.editing.misfit_field import MisfitField
 from deformer.editing.orientations import LocalFrames
-from deformer.geometry import FloatArray, RowPoint, SurfacePoints
+from deformer.geometry import FloatArray, RowPoint, SurfacePoints, farthest_rows
 from deformer.model import DeformationModel
 
 # Number of cubature's landmarks, whose gradients replace those of all vertices in a search.
 _LANDMARKS = 800
+# Number of sites of `HandleBasis.misfit_field`.
+_SITES = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,9 +178,10 @@ class HandleBasis:
         of any scale.
         """
         new = [point for point in self.points if point not in self._misfit_rows]
-        where = self._surface_points(new)
-        rows = self.model.poisson.foundation_rows(where.index, where.weights)
-        self._misfit_rows.update(zip(new, rows, strict=True))
+        if new:
+            where = self._surface_points(new)
+            rows = self.model.poisson.foundation_rows(where.index, where.weights)
+            self._misfit_rows.update(zip(new, rows, strict=True))
         found = [self._misfit_rows[point] for point in self.points]
         return np.array(found).reshape(len(found), len(self.model.reference.vertices))
 
@@ -186,6 +191,12 @@ class HandleBasis:
         K = np.einsum("hm,ghm->gh", where.weights, self.misfit_rows()[:, where.index])
         # Rounding makes Green's functions slightly asymmetric.
         return 0.5 * (K + K.T)
+
+    @cached_property
+    def misfit_field(self) -> MisfitField:
+        """What the model cannot express, at sites spread over the mesh."""
+        v = self.model.reference.vertices
+        return MisfitField(self.model, farthest_rows(v, min(len(v), _SITES))[0])
 
     def model_errors(self, misfit: float) -> ModelErrors:
         """The model's errors at the handles.

@@ -17,7 +17,8 @@ from deformer.checks import (
     checked_integer,
     checked_number,
 )
-from deformer.editing.position_field import PositionField
+from deformer.editing.misfit_field import MisfitField
+from deformer.editing.position_field import PositionField, variance_reductions
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, Mesh, edges, farthest_rows, most_symmetric
 from deformer.linalg import one_blas_thread
@@ -161,11 +162,12 @@ def _layout(
         groups = _mirrored_groups(model, groups[0][:, 0], allowed)
         spread = spread if len(groups[1]) < most // 4 else groups[1].ravel()
     sites = np.unique(np.concatenate([fixed, spread, *(group.ravel() for group in groups)]))
-    field = PositionField(model, sites)
+    misfit = MisfitField(model, sites)
+    field = PositionField.of_prior(model, misfit)
     spread_noise = D * max(noise, _LEAST_NOISE * model.handle_noise)
     choice = _Choice(
         field.covariance(),
-        field.weights,
+        misfit.weights,
         spread_noise**2,
         [np.searchsorted(sites, group) for group in groups],
         np.searchsorted(sites, fixed),
@@ -173,7 +175,7 @@ def _layout(
     deviations: dict[int, FloatArray] = {}
     for n in counts:
         handles = choice.extend(n)
-        deviations[n] = field.deviation(handles, spread_noise)
+        deviations[n] = field.deviation(field.observed(sites[handles], spread_noise))
     vertices = sites[np.concatenate(choice.chosen)]
     pairs, at = [], 0
     for group in choice.chosen:
@@ -280,13 +282,9 @@ class _Choice:
         return best, best is not now
 
     def _gains(self) -> list[FloatArray]:
-        """Reductions (n,) of the summed variance by a handle at each candidate.
-
-        With the covariance P, its rows P_g of a candidate g, and W = diag(weights): tr((P_gg +
-        noise I)⁻¹ P_g W P_gᵀ).
-        """
+        """Reductions (n,) of the summed variance by a handle at each candidate."""
         return [
-            np.einsum("gii->g", np.linalg.solve(own + self._noise * np.eye(own.shape[1]), reduced))
+            variance_reductions(own, reduced, self._noise)
             for own, reduced in zip(self._own, self._reduced, strict=True)
         ]
 

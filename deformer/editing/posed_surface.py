@@ -80,6 +80,10 @@ class PosedSurface:
         search: finds the states; its energy has the handles.
         basis: the model's handles.
         rounds: the most rounds of relaxation.
+
+    Attributes:
+        rounds: as given.
+        hard: (H,) true for exact handles among the basis's points.
     """
 
     def __init__(self, search: CodeSearch, basis: HandleBasis, rounds: int) -> None:
@@ -89,7 +93,7 @@ class PosedSurface:
         self._exact = basis.exact_handles([])
         self._points: list[RowPoint] = []
         self._index: IntArray = np.zeros(0, dtype=np.int64)
-        self._hard: NDArray[np.bool_] = np.zeros(0, dtype=bool)
+        self.hard: NDArray[np.bool_] = np.zeros(0, dtype=bool)
         self._forget_rest()
         self._fading: _Fading | None = None
 
@@ -104,13 +108,13 @@ class PosedSurface:
         reaching = hard | (self._search.energy.misfit > 0)
         self._index = np.flatnonzero(reaching)
         points = [self._basis.points[n] for n in self._index]
-        if points != self._points or not np.array_equal(hard, self._hard):
+        if points != self._points or not np.array_equal(hard, self.hard):
             self._forget_rest()
         if points != self._points:
             self._points, self._exact = points, self._basis.set_exact(points)
             if not points:
                 self._surface.reset()
-        self._hard = hard
+        self.hard = hard
 
     def _forget_rest(self) -> None:
         self._relaxing: _Relaxing | None = None
@@ -216,10 +220,10 @@ class PosedSurface:
     def _goals(self, state: State) -> FloatArray:
         """Where the shape of a state deforms to: exact handles to their targets, soft ones near."""
         energy = self._search.energy
-        if self._hard.all() or not energy.misfit:
+        if self.hard.all() or not energy.misfit:
             return energy.targets
         at = energy.move(state.x, state.p)
-        return np.where(self._hard[:, None], energy.targets, at + energy.model_error(at))
+        return np.where(self.hard[:, None], energy.targets, at + energy.model_error(at))
 
     def _faded(self, vertices: FloatArray) -> FloatArray:
         """Positions (V, 3) that are on their way to `vertices`; exact handles are there already."""
@@ -228,6 +232,6 @@ class PosedSurface:
         if not self._fading.left:
             self._fading = None
         at = self._exact.points.at(vertices)
-        targets, hard = self._search.energy.targets[self._index], self._hard[self._index, None]
+        targets, hard = self._search.energy.targets[self._index], self.hard[self._index, None]
         self._exact.correct(vertices, np.where(hard, targets, at))
         return vertices

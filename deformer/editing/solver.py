@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from deformer.checks import (
     LARGEST,
@@ -138,6 +138,11 @@ class HandleSolver:
     def handles(self) -> list[Handle]:
         """The present handles, in the order in which they were set."""
         return list(self._handles)
+
+    @property
+    def exact(self) -> NDArray[np.bool_]:
+        """True (H,) for those of `basis.points` that are at their targets exactly."""
+        return self._surface.hard
 
     def set_handles(
         self,

@@ -8,7 +8,8 @@ import pytest
 
 from deformer import HandleSolver, InputError, farthest_points, layout, load_model
 from deformer.editing.handle_layout import _Choice
-from deformer.editing.position_field import _LOCALITY, PositionField, rebuilding_error
+from deformer.editing.misfit_field import _LOCALITY, MisfitField, rebuilding_error
+from deformer.editing.position_field import PositionField
 from shapes import large_model, small_model
 
 
@@ -69,22 +70,23 @@ def test_taking_a_handle_back_leaves_the_covariance_as_it_was():
 
 def test_deviation_is_that_of_the_conditional_gaussian(model):
     """At sites, by the formula for a conditional Gaussian; elsewhere close to it."""
-    every = PositionField(model, np.arange(120))
+    every = PositionField.of_prior(model, MisfitField(model, np.arange(120)))
     handles, noise = np.array([3, 50, 118]), 0.01
     h = (3 * handles[:, None] + np.arange(3)).ravel()
     C = every.covariance()
     left = C - C[:, h] @ np.linalg.solve(C[np.ix_(h, h)] + noise**2 * np.eye(9), C[h])
     expected = np.sqrt(np.diag(left).reshape(-1, 3).sum(axis=1))
-    np.testing.assert_allclose(every.deviation(handles, noise), expected, atol=1e-8)
+    np.testing.assert_allclose(every.deviation(every.observed(handles, noise)), expected, atol=1e-8)
     sites = np.unique(np.concatenate([handles, np.arange(0, 120, 2)]))
-    some = PositionField(model, sites)
-    found = some.deviation(np.searchsorted(sites, handles), noise)
+    some = PositionField.of_prior(model, MisfitField(model, sites))
+    found = some.deviation(some.observed(handles, noise))
     assert abs(found - expected).max() < 0.15 * expected.max()
 
 
 def test_the_covariance_without_misfit_is_that_of_sampled_poses(model):
     """Draw codes and rigid motions near the mean; their positions have the covariance Y Yᵀ."""
-    field = PositionField(model, np.arange(0, 120, 10))
+    misfit = MisfitField(model, np.arange(0, 120, 10))
+    field = PositionField.of_prior(model, misfit)
     solver = HandleSolver(model)
     prior, energy = model.rigid_prior, solver.energy
     assert prior is not None
@@ -95,9 +97,9 @@ def test_the_covariance_without_misfit_is_that_of_sampled_poses(model):
         x[-6:-3] *= prior.rotation
         x[-3:] *= prior.translation
         p = model.decode_centred(energy.code(x))
-        draws.append(energy.move(x, p - p.mean(axis=0))[field.sites].ravel())
+        draws.append(energy.move(x, p - p.mean(axis=0))[misfit.sites].ravel())
     expected = np.cov(np.array(draws).T) / share**2
-    found = field.covariance() - np.kron(field._K, np.eye(3))
+    found = field.covariance() - np.kron(misfit.covariance, np.eye(3))
     assert np.abs(found - expected).max() < 0.15 * np.abs(expected).max()
 
 

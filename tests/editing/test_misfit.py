@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deformer import HandleSolver, fit_sequence, uncertainty
+from deformer import HandleSolver, fit_sequence
 from deformer.editing.handle_errors import ModelErrors, whitening
 from deformer.errors import InputError
 from shapes import small_model
@@ -226,9 +226,3 @@ def test_sequences_trust_the_codes(model, doubtful, targets):
         fit_sequence(m, HANDLES, moved, weights=weights, noise=NOISE) for m in (doubtful, model)
     )
     np.testing.assert_allclose(found.vertices, expected.vertices, atol=1e-9)
-
-
-def test_uncertainty_grows_with_the_misfit(model, doubtful, targets):
-    certain, doubting = (uncertainty(posed(m, targets)[0]) for m in (model, doubtful))
-    assert (doubting.deviation > certain.deviation).all()
-    assert doubting.gain.max() < 1
