@@ -19,6 +19,8 @@ from deformer.checks import (
     checked_text,
     shortened,
 )
+from deformer.documents.glb import rewritten_glb
+from deformer.documents.glb_polygons import glb_of_polygons, glb_polygons
 from deformer.documents.obj import (
     material_colours,
     material_libraries,
@@ -31,9 +33,17 @@ from deformer.documents.ply import ply_of, ply_polygons, rewritten_ply
 from deformer.documents.polygons import PolygonMesh
 from deformer.errors import InputError
 from deformer.geometry import FARTHEST, FloatArray, IntArray, Mesh, checked_faces
-from deformer.io import SHAPE_SUFFIXES, load_mesh, mesh_bytes, read_bytes, shape_files
+from deformer.io import (
+    SHAPE_SUFFIXES,
+    load_mesh,
+    mesh_bytes,
+    packed_gltf,
+    read_bytes,
+    read_gltf,
+    shape_files,
+)
 
-DOCUMENT_SUFFIXES = (".obj", ".ply")
+DOCUMENT_SUFFIXES = (".obj", ".ply", ".glb")
 _MOST_LIBRARY = 10_000_000  # bytes of a material library
 
 
@@ -42,8 +52,8 @@ class Document:
     """A mesh file with all that it has beside positions and triangles.
 
     Args:
-        suffix: ".obj" or ".ply", the format of `data`.
-        data: contents of the file.
+        suffix: ".obj", ".ply" or ".glb", the format of `data`.
+        data: contents of the file; a GLB has all buffers and images inside.
         name: stem of the file's name.
         vertex_count: V.
         faces: (F, 3) the file's triangles, as `load_shapes` reads them.
@@ -116,24 +126,33 @@ class Document:
         if target == self.suffix:
             return self._rewritten(points)
         if target in _WRITERS:
-            return _WRITERS[target](points, self._polygons())
+            return _WRITERS[target](points, self._polygons(), self.faces)
         return mesh_bytes(Mesh(points, self.faces), target)
 
     def _rewritten(self, points: FloatArray) -> bytes:
-        if self.suffix == ".obj":
-            return rewritten_obj(self.data, points)
-        return rewritten_ply(self.data, points, self.faces)
+        match self.suffix:
+            case ".obj":
+                return rewritten_obj(self.data, points)
+            case ".ply":
+                return rewritten_ply(self.data, points, self.faces)
+            case _:
+                return rewritten_glb(self.data, points)
 
     def _polygons(self) -> PolygonMesh:
-        if self.suffix == ".obj":
-            return obj_polygons(self.data, self.colours)
-        return ply_polygons(self.data)
+        match self.suffix:
+            case ".obj":
+                return obj_polygons(self.data, self.colours)
+            case ".ply":
+                return ply_polygons(self.data)
+            case _:
+                return glb_polygons(self.data)
 
 
-_WRITERS: dict[str, Callable[[FloatArray, PolygonMesh], bytes]] = {
-    ".obj": obj_of,
-    ".ply": ply_of,
-    ".off": off_of,
+_WRITERS: dict[str, Callable[[FloatArray, PolygonMesh, IntArray], bytes]] = {
+    ".obj": lambda vertices, mesh, _: obj_of(vertices, mesh),
+    ".ply": lambda vertices, mesh, _: ply_of(vertices, mesh),
+    ".off": lambda vertices, mesh, _: off_of(vertices, mesh),
+    ".glb": glb_of_polygons,
 }
 
 
@@ -152,14 +171,23 @@ def load_document(path: str | Path) -> Document | None:
     """
     file = shape_files(checked_path(path, "path"))[0]
     suffix = file.suffix.lower()
-    if suffix not in DOCUMENT_SUFFIXES:
+    if suffix not in (*DOCUMENT_SUFFIXES, ".gltf"):
         if suffix not in (*SHAPE_SUFFIXES, ".npz"):
             load_mesh(file)
         return None
     mesh = load_mesh(file)
     data = read_bytes(file)
+    if suffix == ".gltf" or (suffix == ".glb" and _has_other_files(file)):
+        suffix, data = ".glb", packed_gltf(file)
     colours = _library_colours(file, data) if suffix == ".obj" else {}
     return Document(suffix, data, file.stem, len(mesh.vertices), mesh.faces, colours)
+
+
+def _has_other_files(file: Path) -> bool:
+    """True if a GLB has buffers or images outside of itself."""
+    description = read_gltf(file).json
+    items = [*description.get("buffers", []), *description.get("images", [])]
+    return any("uri" in item for item in items)
 
 
 def _library_colours(file: Path, data: bytes) -> dict[str, tuple[float, ...]]:

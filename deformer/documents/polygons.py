@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -76,6 +76,14 @@ class PolygonMesh:
     def polygon_of_triangle(self) -> IntArray:
         """The polygon (F,) that each triangle is a part of."""
         return np.repeat(np.arange(len(self.counts)), self.counts - 2)
+
+    def with_all_normals(self) -> PolygonMesh:
+        """The mesh with a normal of its own for each polygon at corners that have none."""
+        if self.normals is None or (self.normals >= 0).all():
+            return self
+        own = np.repeat(np.arange(len(self.counts)), self.counts) + self.normals.max() + 1
+        keys = np.where(self.normals >= 0, self.normals, own)
+        return replace(self, normals=numbered(keys))
 
     def shading(self, vertices: FloatArray) -> FloatArray:
         """Unit normals (G, 3) by their numbers.

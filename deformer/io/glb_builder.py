@@ -20,13 +20,26 @@ class GlbBuilder:
     """Collects the parts of a glTF 2.0 asset; `data` is the GLB file.
 
     `add` appends an object to one of the lists at the top of the JSON and returns its index, by
-    which others refer to it; arrays and images become accessors and buffer views in one buffer.
+    which others refer to it; arrays and images become accessors and buffer views in one buffer,
+    whose bytes are `binary`.
     """
 
     def __init__(self, generator: str = "Deformer") -> None:
         """An asset without content."""
         self.json: dict[str, Any] = {"asset": {"version": "2.0", "generator": generator}}
-        self._binary = bytearray()
+        self.binary = bytearray()
+
+    @classmethod
+    def of(cls, description: dict[str, Any], binary: bytes) -> GlbBuilder:
+        """An asset to go on with.
+
+        Args:
+            description: its JSON, which is changed in place.
+            binary: the bytes of its only buffer.
+        """
+        found = cls()
+        found.json, found.binary = description, bytearray(binary)
+        return found
 
     def add(self, family: str, item: dict[str, Any]) -> int:
         """Append an item to a list of the JSON, such as "nodes"; gives its index."""
@@ -88,27 +101,28 @@ class GlbBuilder:
             target: as in `add_array`.
             stride: bytes from row to row, where the rows are padded.
         """
-        self._binary += b"\0" * (-len(self._binary) % 4)
+        self.binary += b"\0" * (-len(self.binary) % 4)
         view: dict[str, Any] = {
             "buffer": 0,
-            "byteOffset": len(self._binary),
+            "byteOffset": len(self.binary),
             "byteLength": len(data),
         }
         if target is not None:
             view["target"] = target
         if stride is not None:
             view["byteStride"] = stride
-        self._binary += data
+        self.binary += data
         return self.add("bufferViews", view)
 
     @property
     def data(self) -> bytes:
         """The GLB file."""
         described = dict(self.json)
-        if self._binary:
-            described["buffers"] = [{"byteLength": len(self._binary)}]
+        if self.binary:
+            buffer = next(iter(self.json.get("buffers", [])), {})
+            described["buffers"] = [{**buffer, "byteLength": len(self.binary)}]
         text = json.dumps(described, separators=(",", ":"), allow_nan=False).encode()
-        return glb_of(text, bytes(self._binary))
+        return glb_of(text, bytes(self.binary))
 
 
 def glb_of(text: bytes, binary: bytes) -> bytes:
