@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from deformer.documents.glb_file import COMPONENTS, GlbFile
-from deformer.documents.normals import renewed_normals, smooth_groups, tangents, touched
+from deformer.documents.normals import present, renewed_normals, smooth_groups, tangents, touched
 from deformer.documents.polygons import first_of_each
 from deformer.documents.text_files import single_precision
 from deformer.errors import InputError
@@ -99,7 +99,7 @@ def _new_normals(
     Vertices of one place in `shown` with one of the normals share the new one; those whose faces
     are as in `before` keep it.
     """
-    has = ~np.isnan(normals).any(axis=1)
+    has = present(normals)
     groups = smooth_groups(shown, np.where(has[:, None], normals, 9.0))
     firsts, _ = first_of_each(groups, normals, int(groups.max()) + 1)
     counts, corners = np.full(len(faces), 3), faces.ravel()
@@ -134,7 +134,7 @@ class _RangeWriter:
         self._normals: FloatArray | None = None
 
     def write_positions(self, points: FloatArray, kept: np.ndarray) -> None:
-        local = np.linalg.solve(self._linear, (points - self._world[:3, 3]).T).T
+        local = (points - self._world[:3, 3]) @ np.linalg.inv(self._linear).T
         self._write("POSITION", local, kept)
 
     def write_normals(self, normals: FloatArray, kept: np.ndarray) -> None:
@@ -166,8 +166,8 @@ class _RangeWriter:
         if uvs is not None:
             groups = smooth_groups(shown[rows], old[:, :3] + 9 * old[:, 3:])
             along = tangents(vertices[rows], faces - part.start, uvs, normals[rows], groups)
-            turned = np.linalg.solve(self._linear, along.T).T
-            local = np.where(turned.any(axis=1)[:, None], turned, local)
+            turned = along @ np.linalg.inv(self._linear).T
+            local = np.where((turned != 0).any(axis=1, keepdims=True), turned, local)
         local = _unit(local - normal * (local * normal).sum(axis=1, keepdims=True))
         self._write("TANGENT", np.concatenate([local, old[:, 3:]], axis=1), kept)
 

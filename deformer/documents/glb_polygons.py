@@ -8,7 +8,7 @@ import numpy as np
 
 from deformer.documents.glb import scene_normals, shown_vertices
 from deformer.documents.glb_file import COMPONENTS
-from deformer.documents.normals import smooth_groups
+from deformer.documents.normals import present, smooth_groups
 from deformer.documents.polygons import Material, Part, PolygonMesh
 from deformer.documents.text_files import single_precision
 from deformer.geometry import FloatArray, IntArray
@@ -47,7 +47,7 @@ def glb_polygons(data: bytes) -> PolygonMesh:
                 # The origin of glTF is at the upper left.
                 uvs[rows] = (values * (1, -1) + (0, 1))[faces[rows] - own.start]
     normals = scene_normals(scene, ranges)
-    has = ~np.isnan(normals).any(axis=1)
+    has = present(normals)
     groups = smooth_groups(shown_vertices(scene), np.where(has[:, None], normals, 9.0))
     corners = faces.ravel()
     return PolygonMesh(

@@ -11,6 +11,11 @@ from deformer.geometry import FloatArray, IntArray
 _SAME_NORMAL = 2e-3
 
 
+def present(values: FloatArray) -> NDArray[np.bool_]:
+    """True (n,) for rows of values (n, k) without a NaN, which stands for what a file lacks."""
+    return np.logical_and.reduce(np.isfinite(values), axis=1)
+
+
 def mean_normals(
     vertices: FloatArray,
     counts: IntArray,

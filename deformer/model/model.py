@@ -22,6 +22,7 @@ from deformer.checks import (
     checked_number,
     shortened,
 )
+from deformer.documents import Document, checked_document
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray, Mesh, Seams, no_seams, site_rings
 from deformer.model.bend_limits import BendLimits
@@ -67,6 +68,7 @@ class DeformationModel:
         seams: vertices of the reference that coincide in all shapes: they are one to `closed`,
             the model of the surface without seams, in which everything is computed. Shapes that
             are given and returned have all of them, in the reference's order. None is none.
+        document: the file that shapes are written like; None for positions and triangles alone.
 
     Raises:
         InputError: parts that do not fit each other, or names that `check_names` rejects.
@@ -86,6 +88,7 @@ class DeformationModel:
     bend_limits: BendLimits | None = None
     handle_misfits: tuple[float, float] = (0.0, 0.0)
     seams: Seams = field(default=None)  # type: ignore[assignment]
+    document: Document | None = None
 
     def __post_init__(self) -> None:
         """Check that the parts fit each other, and the names."""
@@ -103,6 +106,8 @@ class DeformationModel:
         checked_instance(self.seams, "seams", Seams, remedy="leave it out")
         if len(self.seams.closed) != V:
             raise InputError(f"seams: expected {V} vertices, got {len(self.seams.closed)}; retrain")
+        if (document := checked_document(self.document, "document")) is not None:
+            document.check_fits(V, self.reference.faces)
         K = self.components
         surface = self.closed.reference
         sites = len(surface.vertices) + len(surface.links)
@@ -186,7 +191,8 @@ class DeformationModel:
         """The model of the surface without seams; the model itself if it has none."""
         if not self.seams:
             return self
-        return replace(self, reference=self.seams.close_mesh(self.reference), seams=None)
+        surface = self.seams.close_mesh(self.reference)
+        return replace(self, reference=surface, seams=None, document=None)
 
     @property
     def components(self) -> int:

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from deformer.acap import FeatureScaler
 from deformer.checks import LARGEST, checked_path
+from deformer.documents import DOCUMENT_SUFFIXES, Document
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, Seams, connectivity_hash, no_seams
+from deformer.geometry import FloatArray, Mesh, Seams, connectivity_hash, no_seams
 from deformer.io import (
     JsonValue,
     atomic_directory,
@@ -25,6 +26,7 @@ from deformer.io import (
     digest,
     load_mesh,
     locked,
+    read_bytes,
     read_json,
     read_tensors,
     read_value,
@@ -42,6 +44,7 @@ from deformer.network import ModelConfig, NetworkWeights
 FORMAT_VERSION = 2
 _WAIT = 30.0  # seconds for another process that writes the same model
 _FILES = ("model.json", "reference.ply", "weights.safetensors")
+_DOCUMENTS = tuple(f"document{suffix}" for suffix in DOCUMENT_SUFFIXES)
 _CARD = ("README.md",)  # kept when a model is saved again
 _KEYS = (
     *("format", "connectivity", "vertices", "faces", "config", "scaler", "split", "summary"),
@@ -88,6 +91,11 @@ def save_model(model: DeformationModel, path: str | Path) -> None:
         if model.seams:
             arrays["seams"] = model.seams.closed
         write_tensors(folder / _FILES[2], arrays)
+        files: list[str] = list(_FILES[1:])
+        document = model.document
+        if document is not None:
+            files.append(f"document{document.suffix}")
+            (folder / files[-1]).write_bytes(document.data)
         V = len(model.reference.vertices)
         scaler = model.scaler
         description = {
@@ -103,15 +111,18 @@ def save_model(model: DeformationModel, path: str | Path) -> None:
             "handle_noise": model.handle_noise,
             "handle_misfits": list(model.handle_misfits),
             "component_names": _names_as_json(model.component_names),
-            "sha256": {name: digest(folder / name) for name in _FILES[1:]},
+            "sha256": {name: digest(folder / name) for name in files},
         }
+        if document is not None:
+            colours = {name: list(colour) for name, colour in document.colours.items()}
+            description["document"] = {"file": files[-1], "name": document.name, "colours": colours}
         description["sha256"]["model.json"] = _digest_of_description(description)
         write_json(folder / "model.json", description)
 
 
 def _replaceable(entry: Path) -> bool:
     """True for a file of a model, which a new model replaces."""
-    return entry.name in _FILES
+    return entry.name in (*_FILES, *_DOCUMENTS)
 
 
 def _names_as_json(names: Mapping[int, str]) -> dict[str, str]:
@@ -217,7 +228,7 @@ def _read(folder: Path, path: str | Path) -> DeformationModel:
         raise version.error(
             f"format version {FORMAT_VERSION}", "retrain, or use the release that wrote it"
         )
-    data.check_keys(_KEYS, ("handle_misfits",))
+    data.check_keys(_KEYS, ("handle_misfits", "document"))
     _check_digests(folder, data)
     mesh = load_mesh(folder / "reference.ply")
     V, F = len(mesh.vertices), len(mesh.faces)
@@ -267,7 +278,28 @@ def _read(folder: Path, path: str | Path) -> DeformationModel:
             BendLimits(**limits) if limits else None,
             misfits,
             _seams(tensors, V),
+            _document(folder, data, mesh),
         )
+
+
+def _document(folder: Path, data: JsonValue, reference: Mesh) -> Document | None:
+    """The document of a model, whose contents have been checked; None if it has none."""
+    if "document" not in data:
+        return None
+    entry = data["document"]
+    entry.check_keys(("file", "name", "colours"))
+    path = folder / entry["file"].choice(_DOCUMENTS)
+    colours = {
+        name: colour.numbers(4, least=0, most=1) for name, colour in entry["colours"].entries()
+    }
+    return Document(
+        path.suffix,
+        read_bytes(path),
+        entry["name"].text(),
+        len(reference.vertices),
+        reference.faces,
+        colours,
+    )
 
 
 @contextmanager
@@ -284,9 +316,14 @@ def _named(path: Path, part: str = "") -> Iterator[None]:
 
 def _check_digests(folder: Path, data: JsonValue) -> None:
     """Check that all files are those that were saved."""
-    data["sha256"].check_keys(_FILES)
-    for name in _FILES:
+    files = [*_FILES]
+    if "document" in data:
+        files.append(data["document"]["file"].choice(_DOCUMENTS))
+    data["sha256"].check_keys(files)
+    for name in files:
         path = folder / name
+        if not path.is_file():
+            raise InputError(f"{path}: missing; restore the file or save the model again")
         found = _digest_of_description(data.value) if name == "model.json" else digest(path)
         if found != data["sha256"][name].text():
             raise InputError(

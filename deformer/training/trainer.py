@@ -20,6 +20,7 @@ from deformer.checks import (
     checked_path,
     shortened,
 )
+from deformer.documents import Document, checked_document
 from deformer.errors import InputError
 from deformer.geometry import (
     FloatArray,
@@ -67,6 +68,7 @@ def train(
     seed: int = 0,
     device: str = "auto",
     up: str = "y",
+    document: Document | None = None,
     checkpoint: str | Path | None = None,
     resume: bool = False,
     on_progress: ProgressCallback | None = None,
@@ -87,6 +89,8 @@ def train(
         seed: seed of weights and mixed shapes.
         device: "cpu", "cuda", "mps" or "auto".
         up: axis of the shapes that points up, "x" to "z" or "-x" to "-z"; kept for pictures.
+        document: the file that shapes of the model are written like, as of `load_document`; kept
+            with the model.
         checkpoint: folder for checkpoints, or None; an old checkpoint there is replaced.
         resume: continue from `checkpoint`.
         on_progress: called during feature extraction and after every epoch.
@@ -96,8 +100,8 @@ def train(
         summary["interrupted"] is True.
 
     Raises:
-        InputError: too few shapes, a bad split, config, device or checkpoint, or another process
-            is writing to `checkpoint`.
+        InputError: too few shapes, a bad split, config, device or checkpoint, a document of other
+            shapes, or another process is writing to `checkpoint`.
         OSError: a checkpoint cannot be written.
         KeyboardInterrupt: Ctrl-C before or after the training. The checkpoint has what was
             finished: the features, the trials of settings, the network.
@@ -110,6 +114,9 @@ def train(
     checked_flag(resume, "resume")
     check_device(device)
     checked_choice(up, "up", ("x", "y", "z", "-x", "-y", "-z"))
+    document = checked_document(document, "document")
+    if document is not None:
+        document.check_fits(shapes.vertices.shape[1], shapes.faces)
     if resume and (checkpoint is None or not has_checkpoint(checkpoint)):
         raise InputError(f"{checkpoint}: no checkpoint to resume; start without resuming")
     whole, seams = shapes, find_seams(shapes.vertices)
@@ -187,7 +194,7 @@ def train(
             test_shapes = align(test_shapes, examples.reference.vertices)
         summary["test_e_rms"] = e_rms(test_shapes, model.decode(model.encode(test_shapes)))
     opened = Mesh(seams.open(model.reference.vertices), whole.faces)
-    return replace(model, reference=opened, seams=seams, **chosen_handles)
+    return replace(model, reference=opened, seams=seams, document=document, **chosen_handles)
 
 
 def check_resumable(

@@ -23,6 +23,14 @@ MODEL_HELP = "A model's directory, or the name of a shipped model."
 
 Shapes = Annotated[Path, typer.Argument(metavar="SHAPES", help=SHAPES_HELP, show_default=False)]
 Model = Annotated[str, typer.Argument(metavar="MODEL", help=MODEL_HELP, show_default=False)]
+Bare = Annotated[
+    bool,
+    typer.Option(
+        "--bare",
+        help="Write positions and triangles alone, and nothing that the file has beside them from "
+        "which the model was trained.",
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
 
 

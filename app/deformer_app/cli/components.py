@@ -26,7 +26,7 @@ TURN = (240, 300)  # pixels of a turntable
 COLUMNS = 5
 FPS = 8
 CAPTION = "feature change"
-_WRITTEN = r"component-\d+\.(ply|png|gif)|components\.(csv|json)|sheet\.png"
+_WRITTEN = r"component-\d+\.(ply|obj|glb|png|gif)|components\.(csv|json)|sheet\.png"
 
 
 def run(
@@ -35,6 +35,7 @@ def run(
     top: int | None,
     extreme_count: int,
     turn: int,
+    bare: bool,
     progress: Callable[[int, int], None],
 ) -> dict[str, Any]:
     """Analyse a model's components, and write meshes, pictures and tables.
@@ -45,6 +46,8 @@ def run(
         top: number of components, the strongest first; None is all.
         extreme_count: number of training shapes to name for each component.
         turn: number of pictures of a turntable for each component; 0 writes none.
+        bare: write meshes as PLY of positions and triangles alone, and not like the model's
+            document, in its format.
         progress: called with the pictures done and their number.
 
     Returns:
@@ -54,9 +57,12 @@ def run(
         model = deformer.load_model(model_name)
         analysis = ComponentAnalysis(model, extreme_count)
         found = analysis.ranked(top)
+        document = None if bare else model.document
+        suffix = document.suffix if document else ".ply"
         stems = [f"component-{c.index:02d}" for c in found]
         for c, stem in zip(found, stems, strict=True):
-            io.save_mesh(folder / f"{stem}.ply", analysis.shape(c.index))
+            mesh = analysis.shape(c.index)
+            deformer.save_mesh(folder / f"{stem}{suffix}", mesh, like=document)
         total = len(found) * (1 + turn)
         up = str(model.summary.get("up", "y"))
         tiles = []

@@ -143,12 +143,17 @@ def sequence(
     return found.vertices, record
 
 
-def save(path: Path, faces: NDArray, vertices: NDArray) -> None:
-    """Write one pose (V, 3) as a mesh, or a sequence (F, V, 3) as NPZ or as a directory."""
+def save(path: Path, model: DeformationModel, vertices: NDArray, bare: bool) -> None:
+    """Write one pose (V, 3) as a mesh, or a sequence (F, V, 3) as NPZ or as a directory.
+
+    The mesh is written like the model's document, unless it shall be `bare`.
+    """
+    faces = model.reference.faces
     if vertices.ndim == 3:
         io.save_shapes(path, deformer.MeshSequence(vertices, faces))
     else:
-        io.save_mesh(path, deformer.Mesh(vertices, faces))
+        mesh = deformer.Mesh(vertices, faces)
+        deformer.save_mesh(path, mesh, like=None if bare else model)
 
 
 def _tracks(

@@ -22,6 +22,7 @@ from deformer_app.cli.arguments import (
     MODEL_HELP,
     MOST_EPOCHS,
     MOST_SEED,
+    Bare,
     Json,
     Shapes,
     examples,
@@ -195,6 +196,7 @@ def train(
                 split=parts,
                 device=device,
                 up=up,
+                document=deformer.load_document(shapes),
                 checkpoint=checkpoint,
                 resume=resume,
                 on_progress=report,
@@ -309,6 +311,7 @@ def fit(
             help="Of sequences: numba or torch.  [default: numba on the CPU, torch elsewhere]"
         ),
     ] = None,
+    bare: Bare = False,
     as_json: Json = False,
 ) -> None:
     """Pose a model by handles: where a few points of its surface should be.
@@ -324,7 +327,7 @@ def fit(
         other = "--hard, which meets every handle exactly" if hard else "--session"
         raise deformer.InputError(f"--noise: got it with {other}; give one of them")
     if session is not None:
-        _fit_session(session, model, handles, output, as_json)
+        _fit_session(session, model, handles, output, bare, as_json)
         return
     if model is None or handles is None:
         raise deformer.InputError(
@@ -347,10 +350,10 @@ def fit(
                 backend=backend,
                 progress=report,
             )
-            fitting.save(output, loaded.reference.faces, vertices)
+            fitting.save(output, loaded, vertices, bare)
     else:
         vertices, result = fitting.pose(loaded, file, hard, noise)
-        fitting.save(output, loaded.reference.faces, vertices)
+        fitting.save(output, loaded, vertices, bare)
     if as_json:
         warning = fitting.unit_warning(loaded, file)
         console.emit({**result, "warning": warning, "output": str(output)})
@@ -445,7 +448,7 @@ def demo(
 
 
 def _fit_session(
-    path: Path, model: str | None, handles: Path | None, output: Path, as_json: bool
+    path: Path, model: str | None, handles: Path | None, output: Path, bare: bool, as_json: bool
 ) -> None:
     """Write the pose that a session shows."""
     import deformer
@@ -461,7 +464,7 @@ def _fit_session(
     loaded = deformer.load_model(model or session.model.path)
     session.check_fits(loaded, path)
     pose = posing.replay(session, loaded)
-    fitting.save(output, loaded.reference.faces, pose.vertices)
+    fitting.save(output, loaded, pose.vertices, bare)
     result = fitting.describe(pose)
     if as_json:
         console.emit({**result, "output": str(output)})
@@ -477,13 +480,14 @@ def _load_shapes(path: Path) -> MeshSequence:
 
 
 def _describe(model: DeformationModel) -> dict[str, Any]:
-    reference = model.reference
+    reference, document = model.reference, model.document
     return {
         "vertices": len(reference.vertices),
         "faces": len(reference.faces),
         "components": model.components,
         "names": {str(k): name for k, name in model.component_names.items()},
         "bounding_diagonal": reference.bounding_diagonal,
+        "document": document and f"{document.name}{document.suffix}",
         "split": {part: len(indices) for part, indices in (model.split or {}).items()},
         "config": model.config.as_dict(),
         "summary": console.plain(model.summary),

@@ -12,6 +12,7 @@ from deformer_app.cli.arguments import (
     MOST_SEED,
     MOST_SHAPES,
     MOST_VIEWS,
+    Bare,
     Json,
     Model,
     examples,
@@ -52,6 +53,7 @@ def components(
             min=0, max=MOST_VIEWS, help="Pictures of a full turn around each; 0 draws none."
         ),
     ] = 16,
+    bare: Bare = False,
     as_json: Json = False,
 ) -> None:
     """Show what every latent component does: meshes, heat-mapped pictures, a table.
@@ -63,7 +65,7 @@ def components(
 
     refuse_inputs(output, model)
     with console.progress("components") as report:
-        result = analysing.run(model, output, top, extreme_count, turntable, report)
+        result = analysing.run(model, output, top, extreme_count, turntable, bare, report)
     if as_json:
         console.emit(result)
         return
@@ -163,6 +165,7 @@ def synthesize(
         str | None,
         typer.Option(help="Carry the deformation over to this model of the same connectivity."),
     ] = None,
+    bare: Bare = False,
     as_json: Json = False,
 ) -> None:
     """Make new shapes: components weighted, swept, or drawn at random."""
@@ -170,7 +173,7 @@ def synthesize(
 
     refuse_inputs(output, model, start, onto)
     request = synthesising.Request(
-        model, output, weights, tuple(sweep or ()), random, seed, bound, start, spaces, onto
+        model, output, weights, tuple(sweep or ()), random, seed, bound, start, spaces, onto, bare
     )
     with console.progress("synthesis") as report:
         result = synthesising.run(request, report)
@@ -254,13 +257,14 @@ def encode(
         bool,
         typer.Option("--quick", help="Keep the encoder's code; do not search for a better one."),
     ] = False,
+    bare: Bare = False,
     as_json: Json = False,
 ) -> None:
     """Find the latent code of a shape, and how well the model reproduces it."""
     from deformer_app.cli import synthesis as synthesising
 
     refuse_inputs(output, model, shape)
-    result = synthesising.encode(model, shape, output, quick)
+    result = synthesising.encode(model, shape, output, quick, bare)
     if as_json:
         console.emit(result)
         return

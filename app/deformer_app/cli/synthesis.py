@@ -49,6 +49,7 @@ class Request:
     start: str = "reference"
     spaces: str = "latent"
     onto: str | None = None
+    bare: bool = False
 
     @property
     def makes_folder(self) -> bool:
@@ -80,7 +81,7 @@ def _one_shape(request: Request, space: BlendSpace) -> dict[str, Any]:
     synthesis = Synthesis(model, start_code(model, request.start))
     z = synthesis.code(weights)
     vertices = synthesis.shape(weights, space) if goal is model else _decoded(model, goal, z)
-    fitting.save(request.output, goal.reference.faces, vertices)
+    fitting.save(request.output, goal, vertices, request.bare)
     return {
         "output": str(request.output),
         "space": space,
@@ -122,7 +123,9 @@ def between(
     }
 
 
-def encode(model_name: str, shape: Path, output: Path | None, quick: bool) -> dict[str, Any]:
+def encode(
+    model_name: str, shape: Path, output: Path | None, quick: bool, bare: bool
+) -> dict[str, Any]:
     """Code of a shape, and the distances of the decoded shape from it."""
     if output is not None and output.suffix.lower() == ".json":
         io.check_output_file(output)
@@ -146,7 +149,7 @@ def encode(model_name: str, shape: Path, output: Path | None, quick: bool) -> di
     if output.suffix.lower() == ".json":
         io.write_json(output, result)
     else:
-        fitting.save(output, model.reference.faces, found)
+        fitting.save(output, model, found, bare)
     return {**result, "output": str(output)}
 
 

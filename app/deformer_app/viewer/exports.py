@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from deformer import InputError, Mesh, io
+from deformer import InputError, Mesh, io, save_mesh
 from deformer_app.rendering.sheets import save_sheet
 from deformer_app.viewer.editor import Editor
 
 
 def export_pose(editor: Editor, path: str | Path) -> None:
-    """Write the surface of the final pose as a mesh file.
+    """Write the surface of the final pose as a mesh file, like the model's document.
 
     Raises:
         InputError: there is no pose yet.
@@ -18,7 +18,8 @@ def export_pose(editor: Editor, path: str | Path) -> None:
     if editor.preparing:
         raise InputError(f"{path}: the solver is still being prepared; try again in a moment")
     editor.wait_for_pose()
-    io.save_mesh(path, Mesh(editor.vertices, editor.model.reference.faces))
+    mesh = Mesh(editor.vertices, editor.model.reference.faces)
+    save_mesh(path, mesh, like=editor.model)
 
 
 def export_handles(editor: Editor, path: str | Path) -> None:

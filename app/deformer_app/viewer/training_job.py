@@ -54,7 +54,12 @@ class TrainingJob:
                     errors = [f.message for f in report.findings if f.severity == "error"]
                     raise InputError(f"{source}: {errors[0] if errors else 'unusable'}")
                 model = deformer.train(
-                    shapes, components, epochs=epochs, up=up, on_progress=self._report
+                    shapes,
+                    components,
+                    epochs=epochs,
+                    up=up,
+                    document=deformer.load_document(source),
+                    on_progress=self._report,
                 )
                 if not self._stop:
                     model.save(self.output)
