@@ -259,3 +259,49 @@ def test_concave_polygons_are_cut_as_the_reader_cuts_them(tmp_path):
     back = load_mesh(tmp_path / "dart.glb")
     np.testing.assert_array_equal(back.vertices[back.faces], mesh.vertices[mesh.faces])
     assert io.mesh_bytes(Mesh(mesh.vertices, mesh.faces), ".glb") != found.data
+
+
+def test_arrays_over_the_same_bytes_keep_theirs(tmp_path):
+    """An attribute that reads the bytes of the positions has the old ones after a pose."""
+    asset = scenes.plain()
+    attributes = asset.json["meshes"][0]["primitives"][0]["attributes"]
+    rest = {**asset.json["accessors"][attributes["POSITION"]]}
+    attributes["_REST"] = asset.add("accessors", rest)
+    found = document(tmp_path, asset.data)
+    written = found.write(posed(tmp_path))
+    np.testing.assert_array_equal(attribute(written, "_REST"), attribute(asset.data, "POSITION"))
+    assert (attribute(written, "POSITION") != attribute(asset.data, "POSITION")).any()
+
+
+def test_bytes_of_what_is_removed_stay_where_another_array_has_them(tmp_path):
+    """A morph target over the bytes of the texture coordinates goes without them."""
+    asset = scenes.deformed()
+    primitive = asset.json["meshes"][0]["primitives"][0]
+    target = asset.json["accessors"][primitive["targets"][0]["POSITION"]]
+    uvs = asset.json["accessors"][primitive["attributes"]["TEXCOORD_0"]]
+    view = {**asset.json["bufferViews"][uvs["bufferView"]]}
+    target |= {"bufferView": asset.add("bufferViews", view), "count": uvs["count"]}
+    view["byteLength"] = target["count"] * 12
+    found = document(tmp_path, asset.data)
+    written = found.write(posed(tmp_path))
+    for name, shape in (("TEXCOORD_0", "VEC2"), ("COLOR_0", "VEC3")):
+        np.testing.assert_array_equal(
+            attribute(written, name, shape), attribute(asset.data, name, shape)
+        )
+
+
+def test_polygons_without_normals_among_others_are_flat(tmp_path):
+    text = b"v 0 0 0\nv 1 0 0\nv 1 1 1\nv 0 1 0\nv 2 0 0\nv 2 1 0\nvn 0 0 1\n"
+    text += b"f 1//1 2//1 4//1\nf 2 3 4\nf 2 5 6\n"
+    (tmp_path / "some.obj").write_bytes(text)
+    found = load_document(tmp_path / "some.obj")
+    assert found is not None
+    mesh = load_mesh(tmp_path / "some.obj")
+    written = found.write(mesh.vertices, ".glb")
+    (tmp_path / "some.glb").write_bytes(written)
+    back = load_mesh(tmp_path / "some.glb")
+    normals = attribute(written, "NORMAL")[back.faces]
+    corners = back.vertices[back.faces]
+    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    flat /= np.linalg.norm(flat, axis=1, keepdims=True)
+    np.testing.assert_allclose(normals, np.repeat(flat[:, None], 3, axis=1), atol=1e-6)
