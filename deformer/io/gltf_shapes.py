@@ -17,6 +17,7 @@ from deformer.io.polygons import Polygons
 from deformer.io.sampling import check_room, frame_times
 
 _log = logging.getLogger("deformer")
+_DEFAULT_FPS = 24.0
 # Numbers that are computed at once.
 _CHUNK = 4_000_000
 
@@ -52,7 +53,7 @@ class GltfReader:
         return vertices, Polygons.of_triangles(scene.faces)
 
 
-def read_shapes(asset: GltfAsset, fps: float, clip: str | int | None) -> MeshSequence:
+def read_shapes(asset: GltfAsset, fps: float | None, clip: str | int | None) -> MeshSequence:
     """Shapes of one file.
 
     With morph targets: shape 0, "base", has all weights 0; then comes each target at weight 1; last
@@ -61,12 +62,13 @@ def read_shapes(asset: GltfAsset, fps: float, clip: str | int | None) -> MeshSeq
 
     Args:
         asset: the file.
-        fps: frames a second.
+        fps: frames a second; None is 24.
         clip: an animation's name or number; None reads morph targets where there are some.
 
     Raises:
         InputError: as of `GltfScene`, an unknown clip, or one that moves no mesh.
     """
+    fps = _DEFAULT_FPS if fps is None else fps
     scene = GltfScene(asset)
     clips = clip_names(asset)
     if clip is not None:

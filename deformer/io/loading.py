@@ -26,6 +26,7 @@ from deformer.io.ply import read_ply
 from deformer.io.polygons import Polygons
 from deformer.io.sampling import checked_fps
 from deformer.io.stl import StlReader
+from deformer.io.usd import UsdReader, read_usd_shapes
 
 _log = logging.getLogger("deformer")
 _Reader = Callable[[bytes, str], tuple[FloatArray, Polygons]]
@@ -40,11 +41,13 @@ _READERS: dict[str, Callable[[], _Reader]] = {
     ".stl": StlReader,
     ".glb": GltfReader,
     ".gltf": GltfReader,
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), UsdReader),
 }
 # Of files that may hold several shapes each.
-_SEQUENCE_READERS: dict[str, Callable[[Path, float, _Clip], MeshSequence]] = {
+_SEQUENCE_READERS: dict[str, Callable[[Path, float | None, _Clip], MeshSequence]] = {
     ".glb": lambda path, fps, clip: read_gltf_shapes(read_gltf(path), fps, clip),
     ".gltf": lambda path, fps, clip: read_gltf_shapes(read_gltf(path), fps, clip),
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), read_usd_shapes),
 }
 SHAPE_SUFFIXES = tuple(_READERS)
 _SUFFIX_LIST = ", ".join(SHAPE_SUFFIXES)
@@ -54,7 +57,7 @@ def load_shapes(
     path: PathLike,
     progress: Callable[[int, int], None] | None = None,
     *,
-    fps: float = 24.0,
+    fps: float | None = None,
     clip: str | int | None = None,
 ) -> MeshSequence:
     """Load shapes that share one connectivity.
@@ -68,14 +71,15 @@ def load_shapes(
     from another corner on, are taken with the first file's order, and the log says so.
 
     Args:
-        path: a directory of OBJ, PLY, OFF, STL, GLB or glTF files of one format, read in natural
+        path: a directory of OBJ, PLY, OFF, STL, GLB, glTF or USD files of one format, in natural
             order of their names (2 before 10; other and hidden files are ignored), one shape each;
             or one NPZ with `vertices` (N, V, 3) or (V, 3) and `faces` (F, 3); or one mesh file. One
-            GLB or glTF file with morph targets gives the shape without them, "base", then that
-            with each, and last "default" if the file shows other weights than 0; with an animation
-            of weights, nodes or a skin it gives its frames.
+            GLB, glTF or USD file with morph targets (blend shapes) gives the shape without them,
+            "base", then that with each, and last "default" if the file shows other weights than
+            0; with an animation of points, weights, nodes or a skin it gives its frames.
         progress: called with the numbers of files read and of all files.
-        fps: frames a second at which an animation is sampled.
+        fps: frames a second at which an animation is sampled; None is 24, and of USD the stage's
+            own rate.
         clip: the animation's name or number; None takes morph targets if there are some, else
             the first animation.
 
@@ -84,7 +88,7 @@ def load_shapes(
             vertex count or faces; or there is no such clip.
     """
     source = checked_path(path, "path")
-    fps = checked_fps(fps)
+    fps = None if fps is None else checked_fps(fps)
     if clip is not None and (isinstance(clip, bool) or not isinstance(clip, str | int)):
         raise InputError(f"clip: expected a name or a number, got {shortened(clip)}; correct it")
     files = _shape_files(source) if source.is_dir() else [source]
@@ -100,8 +104,8 @@ def load_shapes(
     if clip is not None:
         what = "several files, of which each gives one shape" if len(files) > 1 else "no animation"
         raise InputError(
-            f"{path}: got clip {shortened(clip)} for {what}, expected one GLB or glTF file; leave "
-            "the clip out or name the file"
+            f"{path}: got clip {shortened(clip)} for {what}, expected one GLB, glTF or USD file; "
+            "leave the clip out or name the file"
         )
     if suffix == ".npz":
         shapes = _load_npz(source)
@@ -126,7 +130,7 @@ def shape_files(path: PathLike) -> list[Path]:
 
 
 def load_mesh(path: PathLike) -> Mesh:
-    """Load one OBJ, PLY, OFF, STL, GLB or glTF file.
+    """Load one OBJ, PLY, OFF, STL, GLB, glTF or USD file.
 
     Of a file with morph targets, a skin or animations the mesh is as the file shows it: with its
     default weights and transforms, before any animation.

@@ -180,6 +180,20 @@ def damage_either(path, rng):
     (damage_json if rng.random() < 0.8 else damage_bytes)(path, rng)
 
 
+def write_usd(path):
+    """A mesh with time samples below a transform."""
+    from pxr import Gf, Usd, UsdGeom
+
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.Xform.Define(stage, "/a").AddTranslateOp().Set(Gf.Vec3d(1, 2, 3))
+    mesh = UsdGeom.Mesh.Define(stage, "/a/m")
+    mesh.CreateFaceVertexCountsAttr([3] * len(FACES))
+    mesh.CreateFaceVertexIndicesAttr(FACES.ravel().tolist())
+    for time in (0, 3):
+        mesh.CreatePointsAttr().Set([Gf.Vec3f(*p) for p in (POINTS + time).tolist()], time)
+    stage.Save()
+
+
 TEXTS = {"text.ply": PLY, "text.stl": text_stl()}
 
 
@@ -345,6 +359,7 @@ KINDS = {
              io.load_shapes, check_shapes),
         Kind("skin.glb", lambda path: path.write_bytes(skinned().glb()), damage_bytes,
              io.load_shapes, check_shapes),
+        Kind("a.usda", write_usd, damage_bytes, io.load_shapes, check_shapes),
         Kind("packed.gltf", text_gltf, damage_either, io.packed_gltf,
              lambda data: GltfAsset(data, "packed.glb")),
         Kind("handles.json", write_handles, damage_json,
