@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -22,11 +23,10 @@ from deformer.checks import (
 from deformer.documents.glb import rewritten_glb
 from deformer.documents.glb_polygons import glb_of_polygons, glb_polygons
 from deformer.documents.obj import (
+    ObjFile,
     material_colours,
     material_libraries,
     obj_of,
-    obj_polygons,
-    rewritten_obj,
 )
 from deformer.documents.off import off_of
 from deformer.documents.ply import ply_of, ply_polygons, rewritten_ply
@@ -129,10 +129,15 @@ class Document:
             return _WRITERS[target](points, self._polygons(), self.faces)
         return mesh_bytes(Mesh(points, self.faces), target)
 
+    @cached_property
+    def _obj(self) -> ObjFile:
+        """The parsed text of an OBJ file."""
+        return ObjFile(self.data)
+
     def _rewritten(self, points: FloatArray) -> bytes:
         match self.suffix:
             case ".obj":
-                return rewritten_obj(self.data, points)
+                return self._obj.written(points)
             case ".ply":
                 return rewritten_ply(self.data, points, self.faces)
             case _:
@@ -141,7 +146,7 @@ class Document:
     def _polygons(self) -> PolygonMesh:
         match self.suffix:
             case ".obj":
-                return obj_polygons(self.data, self.colours)
+                return self._obj.polygons(self.colours)
             case ".ply":
                 return ply_polygons(self.data)
             case _:

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -17,70 +18,77 @@ from deformer.geometry import FloatArray, IntArray
 # The reader continues these statements alone, for a comment may end in a backslash by chance.
 _CONTINUED = re.compile(rb"^[ \t]*(?:v|vt|vn|f)(?=[ \t\\])(?:[^\n]*\\\r?\n)+", re.M | re.I)
 _DIGITS = 6  # of normals
-_SPACE = rb"(?:[ \t\r\v\f]|\\\r?\n)+"
-_NUMBER = rb"[^ \t\r\n\v\f\\]+"
-_NEXT = rb"(" + _SPACE + rb")" + _NUMBER
+_NEXT = r"((?:[ \t\r\v\f]|\\\r?\n)+)[^ \t\r\n\v\f\\]+"
 # Keyword, then three numbers, if there are as many, with the spaces before them.
-_VECTOR = re.compile(rb"^([ \t\r\v\f]*(v|vn)(?=[\s\\]|\Z))(?:" + 3 * _NEXT + rb")?", re.M | re.I)
+_VECTOR = re.compile(
+    r"^([ \t\r\v\f]*(v|vn)(?=[ \t\n\r\v\f\\]|\Z))(?:" + 3 * _NEXT + r")?", re.M | re.I
+)
 
 
-def rewritten_obj(data: bytes, vertices: FloatArray) -> bytes:
-    """The file with other positions.
+class ObjFile:
+    """An OBJ file, parsed once, into which positions can be written any number of times."""
 
-    Numbers of vertices and normals that stay as they are keep their digits; others are the shortest
-    decimals that are exact. All else is the same, byte for byte. A normal is the mean of those of
-    the polygons at the corners that use it: hard edges stay hard, and smooth ones smooth.
+    def __init__(self, data: bytes) -> None:
+        """Parse the contents of an OBJ file."""
+        text, self._restore = opened(data)
+        self._parsed = _parse(text)
+        self._before = np.array(self._parsed.positions)
+        self._normals = np.array(self._parsed.normals).reshape(-1, 3)
+        self._text = text.decode("latin-1")
 
-    Args:
-        data: contents of an OBJ file.
-        vertices: (V, 3) new positions, in the file's order.
-    """
-    text, restore = opened(data)
-    parsed = _parse(text)
-    before = np.array(parsed.positions)
-    mesh = parsed.polygons({})
-    normals = before_normals = np.array(parsed.normals).reshape(-1, 3)
-    if len(normals):
-        uses = parsed.normal_of_corner
-        anew = renewed_normals(normals, uses, before, vertices, mesh.counts, mesh.corners)
-        normals = np.where(anew == normals, normals, _rounded(anew))
-    rows = {
-        b"v": _Rows(vertices.tolist(), (before != vertices).any(axis=1).tolist()),
-        b"vn": _Rows(normals.tolist(), (before_normals != normals).any(axis=1).tolist()),
-    }
+    def written(self, vertices: FloatArray) -> bytes:
+        """The file with other positions.
 
-    def replaced(match: re.Match[bytes]) -> bytes:
-        row = rows[match[2].lower()].next()
-        if row is None or match[3] is None:
-            return match[0]
-        numbers = [repr(value).encode() for value in row]
-        return match[1] + b"".join(s + x for s, x in zip(match.groups()[2:], numbers, strict=True))
+        Numbers of vertices and normals that stay as they are keep their digits; others are the
+        shortest decimals that are exact. All else is the same, byte for byte. A normal is the mean
+        of those of the polygons at the corners that use it: hard edges stay hard, and smooth ones
+        smooth.
 
-    return restore(_VECTOR.sub(replaced, text))
+        Args:
+            vertices: (V, 3) new positions, in the file's order.
+        """
+        normals, parsed = self._normals, self._parsed
+        if len(normals):
+            counts, corners = np.array(parsed.counts), np.array(parsed.corners)
+            uses = parsed.normal_of_corner
+            anew = renewed_normals(normals, uses, self._before, vertices, counts, corners)
+            normals = np.where(anew == normals, normals, _rounded(anew))
+        values = vertices.tolist(), normals.tolist()
+        changed = (
+            (self._before != vertices).any(axis=1).tolist(),
+            (self._normals != normals).any(axis=1).tolist(),
+        )
+        pieces, at = [], 0
+        for kind, n, first, last, before, between, after in self._vectors:
+            if changed[kind][n]:
+                x, y, z = values[kind][n]
+                pieces.append(f"{self._text[at:first]}{before}{x!r}{between}{y!r}{after}{z!r}")
+                at = last
+        pieces.append(self._text[at:])
+        return self._restore("".join(pieces).encode("latin-1"))
 
+    @cached_property
+    def _vectors(self) -> list[tuple[int, int, int, int, str, str, str]]:
+        """Statements of positions and normals with three numbers, in the order of the file.
 
-@dataclass
-class _Rows:
-    """New values of the statements of one keyword, in the order of the file."""
+        Each is 0 for a position or 1 for a normal, its index among those, where its numbers begin
+        and end in the text, and the spaces before each of them.
+        """
+        found, seen = [], [0, 0]
+        for match in _VECTOR.finditer(self._text):
+            kind = len(match[2]) - 1
+            if match[3] is not None:
+                found.append((kind, seen[kind], match.end(1), match.end(), *match.groups()[2:]))
+            seen[kind] += 1
+        return found
 
-    values: list[list[float]]
-    changed: list[bool]
-    at: int = 0
+    def polygons(self, colours: Mapping[str, tuple[float, ...]]) -> PolygonMesh:
+        """What the file has beside positions.
 
-    def next(self) -> list[float] | None:
-        """Values of the next statement; None if it stays."""
-        self.at += 1
-        return self.values[self.at - 1] if self.changed[self.at - 1] else None
-
-
-def obj_polygons(data: bytes, colours: Mapping[str, tuple[float, ...]]) -> PolygonMesh:
-    """What an OBJ file has beside positions.
-
-    Args:
-        data: contents of the file.
-        colours: base colours of materials, by name.
-    """
-    return _parse(opened(data)[0]).polygons(colours)
+        Args:
+            colours: base colours of materials, by name.
+        """
+        return self._parsed.polygons(colours)
 
 
 def material_libraries(data: bytes) -> list[str]:
@@ -179,23 +187,23 @@ def _parse(text: bytes) -> _Parsed:
     smoothing, material, names = 0, -1, ("", "")
     for line in text.split(b"\n"):
         key, *values = line.split() or [b""]
+        if b"#" in line:
+            values = _before_comment(values)
         match key.lower():
             case b"v":
                 found.positions.append([float(value) for value in values[:3]])
-                found.colours.append(_numbers(_before_comment(values[3:])))
+                found.colours.append(_numbers(values[3:]) if len(values) > 3 else [])
             case b"vt":
-                numbers = [*_numbers(_before_comment(values)), 0.0, 0.0]
-                found.uvs.append(numbers[:2])
+                found.uvs.append([*_numbers(values), 0.0, 0.0][:2])
             case b"vn":
                 numbers = _numbers(values[:3])
                 found.normals.append(numbers if len(numbers) == 3 else [0.0, 0.0, 0.0])
             case b"f":
-                corners = _before_comment(values)
-                found.counts.append(len(corners))
+                found.counts.append(len(values))
                 found.smoothing.append(smoothing)
                 found.material.append(material)
                 found.part.append(found.parts.setdefault(names, len(found.parts)))
-                _add_corners(found, corners)
+                _add_corners(found, values)
             case b"s":
                 smoothing = int(values[0]) if values and values[0].isdigit() else 0
                 found.has_smoothing = True
@@ -210,19 +218,20 @@ def _parse(text: bytes) -> _Parsed:
 
 def _add_corners(found: _Parsed, corners: list[bytes]) -> None:
     for corner in corners:
-        v, t, n = (*corner.split(b"/"), b"", b"")[:3]
-        found.corners.append(_index(v, len(found.positions)))
-        found.corner_uvs.append(_index(t, len(found.uvs)))
-        found.corner_normals.append(_index(n, len(found.normals)))
+        v, _, rest = corner.partition(b"/")
+        t, _, n = rest.partition(b"/")
+        found.corners.append(_index(v, found.positions))
+        found.corner_uvs.append(_index(t, found.uvs) if t else -1)
+        found.corner_normals.append(_index(n, found.normals) if n else -1)
 
 
-def _index(token: bytes, seen: int) -> int:
+def _index(token: bytes, seen: list) -> int:
     """An index from 0; negative ones count back from the statements seen; −1 for anything else."""
     try:
         number = int(token)
     except ValueError:
         return -1
-    return number - 1 if number > 0 else max(seen + number, -1) if number < 0 else -1
+    return number - 1 if number > 0 else max(len(seen) + number, -1) if number < 0 else -1
 
 
 def _indices(indices: list[int], count: int) -> IntArray:
@@ -249,7 +258,7 @@ def _numbers(values: list[bytes]) -> list[float]:
 
 def _rest(line: bytes) -> str:
     """What follows the keyword of a line: a name, which may contain spaces."""
-    return line.strip().partition(b" ")[2].strip().decode("utf-8", "replace")
+    return line.strip().partition(line.split()[0])[2].strip().decode("utf-8", "replace")
 
 
 def _rgba(colour: tuple[float, ...] | None) -> tuple[float, float, float, float] | None:

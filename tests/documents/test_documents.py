@@ -5,7 +5,7 @@ import pytest
 
 import tubes
 from deformer import Document, InputError, Mesh, io, load_document, load_mesh, save_mesh
-from deformer.documents.obj import obj_polygons
+from deformer.documents.obj import ObjFile
 from deformer.documents.ply import ply_polygons
 
 
@@ -20,7 +20,7 @@ def document(tmp_path, name="tube.obj", content=None):
 def test_another_format_gets_polygons_and_what_it_knows(tmp_path):
     found = document(tmp_path)
     goal = tubes.positions(1.0)
-    old = obj_polygons(found.data, {})
+    old = ObjFile(found.data).polygons({})
     assert old.uvs is not None and old.colours is not None
     new = ply_polygons(found.write(goal, ".ply"))
     np.testing.assert_array_equal(new.counts, old.counts)
@@ -37,7 +37,7 @@ def test_another_format_gets_polygons_and_what_it_knows(tmp_path):
 def test_a_ply_document_becomes_obj(tmp_path, order):
     found = document(tmp_path, "tube.ply", tubes.ply(order))
     goal = tubes.positions(1.0)
-    old, new = ply_polygons(found.data), obj_polygons(found.write(goal, ".obj"), {})
+    old, new = ply_polygons(found.data), ObjFile(found.write(goal, ".obj")).polygons({})
     np.testing.assert_array_equal(new.counts, old.counts)
     np.testing.assert_array_equal(new.corners, old.corners)
     for name in ("uvs", "colours"):
@@ -49,9 +49,9 @@ def test_a_ply_document_becomes_obj(tmp_path, order):
 
 def test_texture_coordinates_come_back_through_ply(tmp_path):
     found = document(tmp_path)
-    first = obj_polygons(found.data, {})
+    first = ObjFile(found.data).polygons({})
     again = document(tmp_path, "again.ply", found.write(tubes.positions(), ".ply"))
-    back = obj_polygons(again.write(tubes.positions(), ".obj"), {})
+    back = ObjFile(again.write(tubes.positions(), ".obj")).polygons({})
     np.testing.assert_array_equal(back.corners, first.corners)
     assert back.uvs is not None and first.uvs is not None
     np.testing.assert_allclose(back.uvs, np.nan_to_num(first.uvs), atol=1e-6)
@@ -74,7 +74,7 @@ def test_smoothing_groups_stand_for_normals(tmp_path):
     plain = b"\n".join(
         b" ".join(t.rpartition(b"/")[0] if t.count(b"/") == 2 else t for t in line.split(b" "))
         if line.startswith(b"f ") else line for line in text.split(b"\n"))  # fmt: skip
-    mesh = obj_polygons(plain, {})
+    mesh = ObjFile(plain).polygons({})
     assert mesh.normals is not None
     side, cap = mesh.normals[: 4 * 32], mesh.normals[4 * 32 :]
     assert len(np.unique(side)) == 40

@@ -9,7 +9,7 @@ import scenes
 import tubes
 from deformer import InputError, Mesh, io, load_document, load_mesh, load_shapes
 from deformer.documents.glb_polygons import glb_polygons
-from deformer.documents.obj import obj_polygons
+from deformer.documents.obj import ObjFile
 
 KINDS = ["plain", "interleaved", "quantised", "sparse", "deformed", "shown_twice"]
 FLOAT = {5126: "<f4"}
@@ -210,7 +210,7 @@ def test_an_obj_becomes_glb_with_materials_texture_coordinates_and_hard_edges(tm
     (tmp_path / "pose.glb").write_bytes(written)
     mesh = load_mesh(tmp_path / "pose.glb")
     np.testing.assert_allclose(mesh.vertices[mesh.faces], goal[found.faces], atol=1e-6)
-    own, other = obj_polygons(found.data, {}), glb_polygons(written)
+    own, other = ObjFile(found.data).polygons({}), glb_polygons(written)
     corners = own.corners_of(found.faces).ravel()
     assert own.uvs is not None and other.uvs is not None
     np.testing.assert_allclose(other.uvs, np.nan_to_num(own.uvs[corners]), atol=1e-6)
@@ -232,7 +232,7 @@ def test_a_glb_becomes_obj_in_the_world(tmp_path):
     np.testing.assert_array_equal(mesh.faces, found.faces)
     assert b"o Body\n" in written
     assert b"usemtl skin\n" in written
-    new = obj_polygons(written, {})
+    new = ObjFile(written).polygons({})
     uv = scenes.tube_arrays()["TEXCOORD_0"] * (1, -1) + (0, 1)
     assert new.uvs is not None
     np.testing.assert_allclose(new.uvs, uv[mesh.faces.ravel()], atol=1e-6)

@@ -10,7 +10,7 @@ import deformer
 import scenes
 import tubes
 from deformer import io
-from deformer.documents.obj import obj_polygons
+from deformer.documents.obj import ObjFile
 
 VECTORS = re.compile(rb"^v[ \t]|^vn[ \t]")
 OTHERS = [line for line in tubes.obj().split(b"\n") if not VECTORS.match(line)]
@@ -120,4 +120,4 @@ def test_an_obj_of_a_glb_has_its_texture_coordinates(tmp_path):
     (tmp_path / "a.glb").write_bytes(scenes.plain().data)
     mesh = deformer.load_mesh(tmp_path / "a.glb")
     deformer.save_mesh(tmp_path / "a.obj", mesh, like=tmp_path / "a.glb")
-    assert obj_polygons((tmp_path / "a.obj").read_bytes(), {}).uvs is not None
+    assert ObjFile((tmp_path / "a.obj").read_bytes()).polygons({}).uvs is not None
