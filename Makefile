@@ -3,7 +3,7 @@ PYTHON ?= python3
 WORKERS ?= 2
 BIN := .venv/bin
 
-.PHONY: demo edit test test-quick test-oldest test-processors fuzz soak lint check clean
+.PHONY: demo edit test test-quick test-oldest test-processors interop fuzz soak lint check clean
 
 demo: .venv/run.stamp
 	$(BIN)/deformer demo
@@ -32,6 +32,12 @@ test-processors: .venv/test.stamp
 	NUMBA_CPU_NAME=generic OPENBLAS_CORETYPE=Nehalem ATEN_CPU_CAPABILITY=default \
 	  NUMBA_CACHE_DIR=$(CURDIR)/.venv/kernels-generic $(CALM) $(BIN)/pytest -n $(WORKERS) $(QUICK)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 taskset -c 0 $(BIN)/pytest $(QUICK)
+
+# Other programs read what this one writes: Blender as a Python module (3.11), and the Khronos
+# validator, which node runs. Hundreds of megabytes are downloaded once.
+interop: .venv/test.stamp .venv-interop/run.stamp
+	DEFORMER_BLENDER_PYTHON=$(CURDIR)/.venv-interop/bin/python \
+	  DEFORMER_GLTF_VALIDATOR=$(CURDIR)/.venv-interop $(CALM) $(BIN)/pytest tests/interop
 
 # New damaged files for every reader, for so many minutes; inputs that fail are kept.
 FUZZ_MINUTES ?= 20
@@ -64,5 +70,12 @@ check: lint test
 	.venv-oldest/bin/python -m pip install --quiet --constraint constraints-oldest.txt --editable ".[app,test]"
 	touch $@
 
+INTEROP_PYTHON ?= python3.11
+.venv-interop/run.stamp: constraints-interop.txt
+	test -x .venv-interop/bin/python || $(INTEROP_PYTHON) -m venv .venv-interop
+	.venv-interop/bin/python -m pip install --quiet --constraint constraints-interop.txt bpy
+	npm install --silent --no-fund --no-audit --prefix .venv-interop gltf-validator@2.0.0-dev.3.10
+	touch $@
+
 clean:
-	rm -rf .venv .venv-oldest demo-out
+	rm -rf .venv .venv-oldest .venv-interop demo-out

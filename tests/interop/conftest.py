@@ -1,0 +1,67 @@
+"""Other programs that the tests of this folder run; `make interop` installs them and says where."""
+
+import json
+import os
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+HERE = Path(__file__).parent
+# Python with bpy, and a folder with node_modules/gltf-validator.
+BLENDER, VALIDATOR = "DEFORMER_BLENDER_PYTHON", "DEFORMER_GLTF_VALIDATOR"
+
+
+@dataclass
+class Imported:
+    """What Blender has of a file: positions (frames, V, 3), and facts of each mesh."""
+
+    vertices: np.ndarray
+    facts: dict
+
+    @property
+    def mesh(self):
+        (mesh,) = self.facts["meshes"]
+        return mesh
+
+
+def _run(command, **options):
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, **options)
+    assert done.returncode == 0, (done.stdout + done.stderr)[-3000:]
+    return done.stdout
+
+
+@pytest.fixture(scope="session")
+def blender(tmp_path_factory):
+    """(path, frames, base) → `Imported`."""
+    python = os.environ.get(BLENDER)
+    if not python:
+        pytest.skip(f"{BLENDER} names no Python with Blender: make interop")
+    folder = tmp_path_factory.mktemp("blender")
+
+    def imported(path, frames=(0,), base=None):
+        output = folder / "found.npz"
+        command = [python, str(HERE / "in_blender.py"), str(path), str(output), *map(str, frames)]
+        _run(command + (["--base", str(base)] if base else []))
+        found = np.load(output)
+        return Imported(found["vertices"], json.loads(str(found["facts"])))
+
+    return imported
+
+
+@pytest.fixture(scope="session")
+def validated():
+    """Checks that the Khronos validator has nothing to say of a GLB file."""
+    folder = os.environ.get(VALIDATOR)
+    if not folder:
+        pytest.skip(f"{VALIDATOR} names no folder with the validator: make interop")
+
+    def check(path):
+        environment = os.environ | {"NODE_PATH": str(Path(folder) / "node_modules")}
+        text = _run(["node", str(HERE / "validate.cjs"), str(path)], env=environment)
+        issues = json.loads(text)["issues"]
+        assert issues["numErrors"] == issues["numWarnings"] == 0, issues["messages"][:5]
+
+    return check

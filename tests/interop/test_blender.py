@@ -1,0 +1,86 @@
+"""What Blender has of the files that are written: positions, faces, names, materials, bones."""
+
+import numpy as np
+import pytest
+
+import deformer
+import tubes
+from deformer import MeshSequence
+from shapes import small_model
+
+TOLERANCE = 1e-5
+
+
+def upright(vertices):
+    """Positions of files whose y axis points up, as Blender has them, whose z axis does."""
+    return vertices[..., [0, 2, 1]] * [1, -1, 1]
+
+
+def assert_near(found, expected, tolerance=TOLERANCE):
+    diagonal = np.linalg.norm(np.ptp(expected.reshape(-1, 3), axis=0))
+    assert found.shape == expected.shape
+    assert np.abs(found - expected).max() <= tolerance * diagonal
+
+
+@pytest.fixture
+def tube(tmp_path):
+    """The OBJ file of a tube and its document; a pose of it."""
+    (tmp_path / "tube.obj").write_bytes(tubes.obj())
+    (tmp_path / "tube.mtl").write_text(tubes.LIBRARY)
+    document = deformer.load_document(tmp_path / "tube.obj")
+    assert document is not None
+    return document, tubes.positions(0.8)
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".ply", ".glb"])
+def test_a_posed_document(tube, suffix, tmp_path, blender):
+    document, pose = tube
+    path = tmp_path / f"posed{suffix}"
+    path.write_bytes(document.write(pose, suffix))
+    mesh = blender(path)
+    expected = pose if suffix == ".ply" else upright(pose)
+    if suffix == ".glb":
+        # Its vertices are split where their attributes differ.
+        distance = np.linalg.norm(mesh.vertices[0][:, None] - expected, axis=2)
+        assert distance.min(axis=1).max() < TOLERANCE * 2.5
+        assert distance.min(axis=0).max() < TOLERANCE * 2.5
+        assert set(mesh.mesh["materials"]) == {"skin", "steel"}
+        assert len(mesh.mesh["uv"]) == 1
+    else:
+        assert_near(mesh.vertices[0], expected)
+        assert sorted(mesh.mesh["faces"]) == [4] * 32 + [8] * 2
+    if suffix == ".obj":
+        assert mesh.mesh["materials"] == ["skin", "steel"]
+        (uv,) = mesh.mesh["uv"].values()
+        # Each quad spans an eighth of the way around, and a quarter of the way along.
+        spans = np.ptp(np.array(uv[: 4 * 32]).reshape(32, 4, 2), axis=1)
+        np.testing.assert_allclose(spans, [[1 / 8, 1 / 4]] * 32, atol=1e-4)
+
+
+def test_a_rig_plays_as_it_poses(tmp_path, blender, validated):
+    rig = deformer.rig(small_model(), bones=6)
+    rig.save(tmp_path / "rig.glb", fps=24.0)
+    validated(tmp_path / "rig.glb")
+    frames = [0, 2, len(rig.clip) - 1]
+    found = blender(tmp_path / "rig.glb", frames)
+    assert_near(found.vertices, upright(rig.pose(rig.clip[frames])))
+    assert set(rig.names) <= set(found.mesh["bones"])
+    assert set(found.mesh["groups"]) == set(rig.names)
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".ply", ".glb"])
+def test_a_bare_mesh(suffix, tmp_path, blender, validated):
+    mesh = small_model().reference
+    path = tmp_path / f"bare{suffix}"
+    deformer.save_mesh(path, mesh)
+    found = blender(path).vertices[0]
+    assert_near(found, mesh.vertices if suffix == ".ply" else upright(mesh.vertices))
+    if suffix == ".glb":
+        validated(path)
+
+
+def shapes():
+    bends = np.linspace(0, 1.2, 9)
+    faces = np.array(tubes.quads())
+    triangles = np.concatenate([faces[:, :3], faces[:, [0, 2, 3]]])
+    return MeshSequence(np.stack([tubes.positions(bend) for bend in bends]), triangles)
