@@ -65,3 +65,14 @@ def validated():
         assert issues["numErrors"] == issues["numWarnings"] == 0, issues["messages"][:5]
 
     return check
+
+
+@pytest.fixture(scope="session")
+def exported(tmp_path_factory):
+    """A folder of files that Blender has exported; see `from_blender.py`."""
+    python = os.environ.get(BLENDER)
+    if not python:
+        pytest.skip(f"{BLENDER} names no Python with Blender: make interop")
+    folder = tmp_path_factory.mktemp("exported")
+    _run([python, str(HERE / "from_blender.py"), str(folder)])
+    return folder
