@@ -119,15 +119,26 @@ class Document:
 
         Raises:
             InputError: an array of another shape, positions that are not finite or too large for
-                the format, or an unknown suffix.
+                the format, an unknown suffix, or a file that is damaged beside its positions and
+                triangles.
         """
         points = checked_array(vertices, "vertices", (self.vertex_count, 3), largest=FARTHEST)
         target = self.suffix if suffix is None else checked_text(suffix, "suffix").lower()
-        if target == self.suffix:
-            return self._rewritten(points)
-        if target in _WRITERS:
+        if target != self.suffix and target not in _WRITERS:
+            return mesh_bytes(Mesh(points, self.faces), target)
+        try:
+            if target == self.suffix:
+                return self._rewritten(points)
             return _WRITERS[target](points, self._polygons(), self.faces)
-        return mesh_bytes(Mesh(points, self.faces), target)
+        except InputError:
+            raise
+        # The reader has looked at positions and triangles alone; the rest may hold anything.
+        except Exception as error:
+            raise InputError(
+                f"document {self.name}{self.suffix}: damaged in a way that stops the writer "
+                f"({type(error).__name__}); write positions and triangles alone, or export the "
+                "file again and train on it"
+            ) from error
 
     @cached_property
     def _obj(self) -> ObjFile:

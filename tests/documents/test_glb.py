@@ -305,3 +305,24 @@ def test_polygons_without_normals_among_others_are_flat(tmp_path):
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     flat /= np.linalg.norm(flat, axis=1, keepdims=True)
     np.testing.assert_allclose(normals, np.repeat(flat[:, None], 3, axis=1), atol=1e-6)
+
+
+def broken_material(asset):
+    asset.json["materials"] = [3]
+
+
+def broken_texture(asset):
+    asset.json["materials"][0]["normalTexture"] = "checks"
+
+
+def broken_animation(asset):
+    asset.json["animations"] = [{"channels": [{"sampler": 5, "target": {"node": 2}}]}]
+
+
+@pytest.mark.parametrize("damage", [broken_material, broken_texture, broken_animation])
+def test_damage_beside_the_mesh_is_told_in_one_line(tmp_path, damage):
+    asset = scenes.plain()
+    damage(asset)
+    found = document(tmp_path, asset.data)
+    with pytest.raises(InputError, match=r"document tube\.glb: damaged .*; write positions"):
+        found.write(posed(tmp_path))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import deformer
-from deformer import Mesh, io
+from deformer import Mesh
 from deformer_app import console
 from deformer_app.cli.folders import output_folder
 from deformer_app.rendering.animation import save_animation
@@ -159,7 +159,8 @@ def run(model_name: str, output: Path, progress: Callable[[int, int], None]) -> 
         total = len(drag.moves) + 1 + len(shown)
         steps = replay(model, drag, lambda done: progress(done, total))
 
-        io.save_mesh(folder / _FILES[0], Mesh(steps[-1].vertices, model.reference.faces))
+        pose = Mesh(steps[-1].vertices, model.reference.faces)
+        deformer.save_mesh(folder / _FILES[0], pose, like=model)
         save_picture(folder / _FILES[1], _sheet(model.reference, drag, steps, up))
         camera = _camera(model.reference, steps, up, FRAME)
         frames = []
