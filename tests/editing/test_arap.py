@@ -11,6 +11,7 @@ from deformer.editing.arap import DecodedSurface, schur_inverse
 from deformer.editing.kernels import fit_step
 from deformer.geometry.mesh import Mesh, MeshSequence
 from deformer.geometry.rotations import log_to_rotation, polar
+from distances import largest
 from shapes import MESHES, bend, icosphere, random_rotation
 
 NAMES = pytest.mark.parametrize("name", MESHES)
@@ -80,10 +81,6 @@ def rigidity_energy(system, x, p):
     np.add.at(B, rows, system.c[:, None, None] * new[:, :, None] * old[:, None, :])
     R = polar(B)[0][rows]
     return (system.c * ((new - np.einsum("eab,eb->ea", R, old)) ** 2).sum(axis=1)).sum()
-
-
-def largest(difference):
-    return np.linalg.norm(difference, axis=-1).max()
 
 
 @pytest.mark.parametrize("name", [*MESHES, "ball"])

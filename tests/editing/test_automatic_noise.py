@@ -1,18 +1,11 @@
 """Truths of the noise that a solver chooses by itself."""
 
 import numpy as np
-import pytest
 
 import deformer
 from deformer import HandleSolver, fit_sequence
-from shapes import small_model
 
 HANDLES = np.arange(4, 120, 12)
-
-
-@pytest.fixture(scope="module")
-def model():
-    return small_model()
 
 
 def stretched(model, factor):

@@ -9,6 +9,7 @@ from deformer.editing.batch_numba import NumbaFrames
 from deformer.editing.batch_torch import TorchFrames
 from deformer.editing.green_functions import HandleBasis
 from deformer.geometry.rotations import log_to_rotation
+from distances import largest
 from shapes import large_model, pieces_model, small_model
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -57,10 +58,6 @@ def case(request):
     if request.param == "pieces":
         return Case(pieces_model(), [100, 3, 130, 162, 17])
     return Case(large_model(), [1400, 5, 600, 911])
-
-
-def largest(difference):
-    return np.linalg.norm(difference, axis=-1).max()
 
 
 def test_positions_by_landmarks_are_those_of_the_formula(case):

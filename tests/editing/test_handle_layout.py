@@ -13,11 +13,6 @@ from deformer.editing.position_field import PositionField
 from shapes import large_model, small_model
 
 
-@pytest.fixture(scope="module")
-def model():
-    return small_model()
-
-
 def summed_variance(C, weights, chosen, noise):
     """Weighted trace of C given noisy observations of the sites `chosen`."""
     h = (3 * np.array(chosen)[:, None] + np.arange(3)).ravel()

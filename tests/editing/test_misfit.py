@@ -5,18 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deformer import HandleSolver, fit_sequence
+from deformer import HandleSolver
 from deformer.editing.handle_errors import ModelErrors, whitening
 from deformer.errors import InputError
-from shapes import small_model
 
 HANDLES = np.arange(4, 120, 12)
 NOISE, MISFIT = 0.01, 0.03
-
-
-@pytest.fixture(scope="module")
-def model():
-    return small_model()
 
 
 @pytest.fixture(scope="module")
@@ -215,14 +209,3 @@ def test_what_drags_share_is_computed_once(doubtful, targets):
         np.testing.assert_allclose(
             errors.expected(w, s), MISFIT**2 * errors.correlation @ expected.T @ expected
         )
-
-
-def test_sequences_trust_the_codes(model, doubtful, targets):
-    """So that nothing comes and goes with a handle that is seen in some frames only."""
-    moved = np.stack([targets, targets + 0.1, targets + 0.2])
-    weights = np.ones((3, len(HANDLES)))
-    weights[1, 3] = 0.0
-    found, expected = (
-        fit_sequence(m, HANDLES, moved, weights=weights, noise=NOISE) for m in (doubtful, model)
-    )
-    np.testing.assert_allclose(found.vertices, expected.vertices, atol=1e-9)

@@ -23,16 +23,6 @@ HANDLES = [4, 60, 110]
 
 
 @pytest.fixture(scope="module")
-def model():
-    return small_model()
-
-
-@pytest.fixture(scope="module")
-def diagonal(model):
-    return model.reference.bounding_diagonal
-
-
-@pytest.fixture(scope="module")
 def shape(model):
     return model.decode(model.codes[3])
 

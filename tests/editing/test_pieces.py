@@ -6,6 +6,7 @@ import pytest
 from deformer import HandleSolver, MeshSequence, fit_sequence, load_model, train
 from deformer.geometry.mesh import connected_components
 from deformer.training.mirroring import mirror_images
+from distances import largest
 from shapes import join, pieces, pieces_model, sequence, tube
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -15,15 +16,6 @@ TUBE, BALL, POINT = slice(0, 120), slice(120, 162), 162
 @pytest.fixture(scope="module")
 def model():
     return pieces_model()
-
-
-@pytest.fixture(scope="module")
-def diagonal(model):
-    return model.reference.bounding_diagonal
-
-
-def largest(difference):
-    return np.linalg.norm(difference, axis=-1).max()
 
 
 def centred(p):

@@ -8,12 +8,6 @@ import pytest
 from deformer import HandleSolver, InputError, SurfacePoint
 from deformer.editing import green_functions, uncertainty
 from deformer.editing.misfit_field import rebuilding_error
-from shapes import small_model
-
-
-@pytest.fixture(scope="module")
-def model():
-    return small_model()
 
 
 def solved(model, vertices, **options):

@@ -13,6 +13,7 @@ from deformer import HandleSolver, ModelConfig, fit_sequence, train
 from deformer.editing import sequence as sequence_module
 from deformer.errors import InputError
 from deformer.geometry.rotations import log_to_rotation
+from distances import largest
 from settings import QUICK_ADAM
 from shapes import large_model, sequence, small_model
 
@@ -20,16 +21,6 @@ HANDLES = np.arange(4, 120, 12)
 FRAMES = 40
 NOISE = 0.007
 pytestmark = pytest.mark.filterwarnings("error")
-
-
-@pytest.fixture(scope="module")
-def model():
-    return small_model()
-
-
-@pytest.fixture(scope="module")
-def diagonal(model):
-    return model.reference.bounding_diagonal
 
 
 def decoded(model, count=FRAMES, chosen=(1, 3, 5, 8, 10)):
@@ -52,10 +43,6 @@ def deep_model():
     training = replace(QUICK_ADAM, layers=(7, 5), epochs=60, mixed_shapes=0)
     config = ModelConfig("deep", 4, training)
     return train(sequence(), config=config, device="cpu")
-
-
-def largest(difference):
-    return np.linalg.norm(difference, axis=-1).max()
 
 
 def rms(difference):

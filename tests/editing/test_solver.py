@@ -9,30 +9,17 @@ import pytest
 from deformer import Handle, HandleSolver
 from deformer.errors import InputError
 from deformer.geometry.rotations import log_to_rotation
-from shapes import large_model, small_model
+from distances import largest
+from shapes import large_model
 
 SPREAD = list(range(4, 120, 12))
 pytestmark = pytest.mark.filterwarnings("error")
-
-
-@pytest.fixture(scope="module")
-def model():
-    return small_model()
-
-
-@pytest.fixture(scope="module")
-def diagonal(model):
-    return model.reference.bounding_diagonal
 
 
 def pose_between(model, a=2, b=3):
     """A decoded shape in the middle of the training codes."""
     z = 0.5 * (model.codes[a] + model.codes[b])
     return z, model.decode(z)
-
-
-def largest(difference):
-    return np.linalg.norm(difference, axis=-1).max()
 
 
 def test_no_handles_give_the_mean_where_such_shapes_stand(model):

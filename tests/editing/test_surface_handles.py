@@ -7,17 +7,8 @@ from deformer import HandleSolver, InputError, PoissonSystem, SurfacePoint, fit_
 from deformer.acap import FeatureExtractor, features_to_gradients
 from deformer.editing.green_functions import HandleBasis
 from deformer.geometry import SurfacePoints
-from shapes import bend, random_rotation, small_model
-
-
-@pytest.fixture(scope="module")
-def model():
-    return small_model()
-
-
-@pytest.fixture(scope="module")
-def diagonal(model):
-    return model.reference.bounding_diagonal
+from distances import largest
+from shapes import bend, random_rotation
 
 
 @pytest.fixture(scope="module")
@@ -34,10 +25,6 @@ def points(model):
 
 def at(model, points, vertices):
     return SurfacePoints(points, model.reference.faces).at(vertices)
-
-
-def largest(difference):
-    return np.linalg.norm(difference, axis=-1).max()
 
 
 def positions(basis, T):

@@ -25,11 +25,6 @@ FACTORS = {
 
 
 @pytest.fixture(scope="module")
-def model():
-    return small_model()
-
-
-@pytest.fixture(scope="module")
 def shapes(model):
     return model.decode(model.codes)
 
