@@ -61,17 +61,17 @@ class Roughness:
 
         Args:
             A: (m, n, n) symmetric blocks of the frames on the diagonal.
-            gradient: (m, n) right-hand side.
+            gradient: (m, n) right-hand side, or several (m, n, k).
             scale: (n,) factors on the squared accelerations.
             damping: factor on the diagonal, which is multiplied by 1 + damping.
 
         Returns:
-            x (m, n), by one banded Cholesky factorisation.
+            x of the shape of `gradient`, by one banded Cholesky factorisation.
 
         Raises:
             numpy.linalg.LinAlgError: the matrix is not positive definite.
         """
-        m, n = gradient.shape
+        m, n = gradient.shape[:2]
         d = self._diagonals[:, self._fixed :]
         # Lower band: row k holds the k-th subdiagonal; unknowns run frame by frame.
         width = 2 * n if self._weight > 0 else n - 1
@@ -85,9 +85,9 @@ class Roughness:
             band[2 * n, :-2] += d[2, : max(m - 2, 0), None] * scale
         step = solveh_banded(
             band.reshape(width + 1, m * n),
-            gradient.ravel(),
+            gradient.reshape(m * n, *gradient.shape[2:]),
             overwrite_ab=True,
             lower=True,
             check_finite=False,
         )
-        return step.reshape(m, n)
+        return step.reshape(gradient.shape)

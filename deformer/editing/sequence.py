@@ -8,7 +8,7 @@ in which no handle is seen follows its neighbours: the prior has hardly any weig
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,8 +21,10 @@ from deformer.checks import (
     checked_number,
 )
 from deformer.editing.batch_numba import Frames, NumbaFrames
+from deformer.editing.energy import HandleEnergy
 from deformer.editing.green_functions import HandleBasis
 from deformer.editing.handles import LEAST_SEQUENCE_NOISE, Kind, Point, Pose
+from deformer.editing.misfit_track import MisfitTrack
 from deformer.editing.sequence_energy import SequenceEnergy
 from deformer.editing.solver import HandleSolver
 from deformer.editing.tracks import Tracks, checked_tracks
@@ -80,6 +82,7 @@ def fit_sequence(
     smoothness: float = 10.0,
     rigid: bool = True,
     noise: float | None = None,
+    misfit: float | None = None,
     relaxation: int = 2,
     device: str = "cpu",
     backend: str | None = None,
@@ -108,7 +111,10 @@ def fit_sequence(
         rigid: as in `HandleSolver`.
         noise: as in `HandleSolver`. None is the median of what it chooses for a few frames, but at
             least 0.007: with less the descent over all frames stalls (docs/prior.md).
-        relaxation: rounds of rigid relaxation in each frame with hard handles.
+        misfit: as in `HandleSolver`. What codes miss at the handles changes smoothly in time
+            (`MisfitTrack`), where they are seen and where they are not.
+        relaxation: rounds of rigid relaxation in each frame with hard handles, or of a model with a
+            misfit.
         device: "cpu", "cuda", "mps" or "auto" (cuda or mps if there is one, else cpu).
         backend: "numba", which uses all cores of the CPU, or "torch", which computes many frames
             at once on any device; None is numba on the CPU and torch on every other device.
@@ -129,10 +135,8 @@ def fit_sequence(
         checked_choice(backend, "backend", ("numba", "torch"))
     check_device(device)  # before the solver, which may compile kernels
     # In a motion the body may go anywhere: the rigid motion has the diffuse prior alone.
-    # What codes miss is known where handles are seen only: it would come and go with them, so that
-    # sequences trust the codes.
     seams, model = model.seams, model.closed
-    solver = HandleSolver(model, rigid=rigid, noise=noise, freedom=1.0, misfit=0.0)
+    solver = HandleSolver(model, rigid=rigid, noise=noise, freedom=1.0, misfit=misfit)
     seen = tracks.weights > 0
     solver.warn_of_units(tracks.points, np.where(seen[..., None], tracks.targets, np.nan))
     first = _first_guess(solver, tracks)
@@ -142,7 +146,12 @@ def fit_sequence(
     rows = tracks.rows(basis.frames)
     basis.set_points(rows.points)
     batch = _backend(basis, device, backend)
-    energy = solver.energy
+    misfit = model.misfit_of(len(tracks.points)) if misfit is None else misfit
+    errors = basis.model_errors(misfit) if misfit and rows.points else None
+    energy = replace(solver.energy, errors=errors)
+    missed = None
+    if errors is not None:
+        missed = MisfitTrack(errors, energy.noise, rows.weights, smoothness)
     sequence = SequenceEnergy(energy, batch, rows.targets, rows.weights, smoothness)
     F, V = len(seen), len(model.reference.vertices)
     check_memory(24 * F * V, f"targets: {F} frames of {V} vertices")
@@ -160,8 +169,15 @@ def fit_sequence(
             part = slice(start, stop)
             Q, centroids = log_to_rotation(Unknowns(X[part]).rotation), energy.centroids(X[part])
             z = energy.codes(X[part])
-            wanted = rows.targets[part], rows.exact[part]
-            batch.shapes(z, Q, centroids, *wanted, relaxation, out[part])
+            wanted, reached = rows.targets[part], rows.exact[part]
+            if missed is not None:
+                # As in `HandleSolver`: the shape deforms by what is left of soft handles, too.
+                at = _handle_positions(batch, energy, window)
+                expected = missed.expected(part, rows.targets[start:ahead] - at)
+                expected += at[: stop - start]
+                wanted = np.where(reached[..., None], wanted, expected)
+                reached = rows.used[part]
+            batch.shapes(z, Q, centroids, wanted, reached, relaxation, out[part])
             if on_progress is not None:
                 on_progress(stop, F)
     places = SurfacePoints(tracks.points, model.reference.faces).at(out)
@@ -177,6 +193,12 @@ def fit_sequence(
         prior_distance=np.linalg.norm(found.code, axis=1),
         iterations=steps,
     )
+
+
+def _handle_positions(batch: Frames, energy: HandleEnergy, X: FloatArray) -> FloatArray:
+    """Positions (m, H, 3) of handles by unknowns X (m, K+6) alone."""
+    Q = log_to_rotation(Unknowns(X).rotation)
+    return batch.by_all(energy.codes(X)) @ Q.transpose(0, 2, 1) + energy.centroids(X)[:, None]
 
 
 def _first_guess(solver: HandleSolver, tracks: Tracks) -> FloatArray:

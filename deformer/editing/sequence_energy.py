@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from deformer.checks import check_memory
 from deformer.editing.acceleration import Roughness
 from deformer.editing.batch_numba import Boolean, Frames
 from deformer.editing.energy import HandleEnergy
@@ -79,7 +80,11 @@ class SequenceEnergy:
         """Store the handles, and the weights of the prior in each frame."""
         self.function, self.backend = energy, backend
         self._targets, self._weights = targets, weights
-        self._row_weights = energy.whitening(weights)
+        patterns, self._pattern = np.unique(weights, axis=0, return_inverse=True)
+        if energy.errors is not None:
+            P, H = patterns.shape
+            check_memory(16 * P * H * H, f"weights: {P} sets of {H} handles that are seen")
+        self._whitening = energy.whitening(patterns)
         self._smoothness = smoothness
         self.active = energy.active
         self._seen: Boolean = np.asarray((weights > 0).any(axis=1))
@@ -161,7 +166,14 @@ class SequenceEnergy:
     def _misfit(self, frames: slice, X: FloatArray, P: FloatArray) -> FloatArray:
         Q = log_to_rotation(Unknowns(X).rotation)
         moved = P @ Q.transpose(0, 2, 1) + self.function.centroids(X)[:, None]
-        return self._row_weights[frames, :, None] * (moved - self._targets[frames])
+        return self._whitened(frames, moved - self._targets[frames])
+
+    def _whitened(self, frames: slice, errors: FloatArray) -> FloatArray:
+        """Errors of frames (m, H, 3), or their derivatives (m, H, 3, n), in deviations."""
+        W = self._whitening[self._pattern[frames]]
+        if self.function.errors is None:
+            return W.reshape(*W.shape, *(1,) * (errors.ndim - 2)) * errors
+        return (W @ errors.reshape(*W.shape[:2], -1)).reshape(errors.shape)
 
     def normal_equations(
         self, window: _Window, X: FloatArray, P: FloatArray, dP: FloatArray
@@ -206,8 +218,7 @@ class SequenceEnergy:
         turned = np.cross(columns[:, None], from_centroid[:, :, None])
         derivative.rotation = Q[:, None] @ turned.transpose(0, 1, 3, 2)
         derivative.translation = energy.diagonal * np.eye(3)
-        J = derivative.x
-        J *= self._row_weights[frames, :, None, None]
+        J = self._whitened(frames, derivative.x)
         J = J.reshape(len(X), -1, energy.size)[:, :, :n]
         misfit = self._misfit(frames, X, P).reshape(len(X), -1, 1)
         stiffness = self._prior[frames] * self.stiffness

@@ -34,12 +34,15 @@ class Rows:
         targets: (F, R, 3) their targets.
         weights: (F, R) factors on their squared distances; 0 where a frame has none.
         exact: (F, R) true where a frame has the point at its target exactly.
+        used: (F, R) true where the point is one by which the frame has a handle, seen or not: the
+            handle's own point, or, in frames that turn it, those of its local frame.
     """
 
     points: list[RowPoint]
     targets: FloatArray
     weights: FloatArray
     exact: Boolean
+    used: Boolean
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +73,7 @@ class Tracks:
     def rows(self, frames: LocalFrames) -> Rows:
         """The points of all handles: each itself, or its local frame in frames that turn it."""
         turns, points = self._turns, list[RowPoint]()
-        targets, weights, owners = [], [], []
+        targets, weights, owners, used = [], [], [], []
         for h, point in enumerate(self.points):
             turned = turns[:, h]
             if not turned.all():
@@ -78,6 +81,7 @@ class Tracks:
                 targets.append(self.targets[:, h])
                 weights.append(np.where(turned, 0.0, self.weights[:, h]))
                 owners.append(h)
+                used.append(~turned)
             if turned.any():
                 frame = frames.of(point, float(self.orientation_weights[h]))
                 R = np.where(turned[:, None, None], self.orientations[:, h], 0.0)
@@ -86,11 +90,12 @@ class Tracks:
                 targets += list(goals.transpose(1, 0, 2))
                 weights += 3 * [np.where(turned, self.weights[:, h] / 3, 0.0)]
                 owners += 3 * [h]
+                used += 3 * [turned]
         F, R = len(self.weights), len(points)
         w = np.array(weights).reshape(R, F).T.copy()
         exact = self.exact[:, owners].reshape(F, R) & (w > 0)
         goals = np.array(targets).reshape(R, F, 3).transpose(1, 0, 2).copy()
-        return Rows(points, goals, w, exact)
+        return Rows(points, goals, w, exact, np.array(used, dtype=bool).reshape(R, F).T)
 
     def turned(self, frames: LocalFrames, vertices: FloatArray) -> FloatArray:
         """Angles (F, H) from the rotation of shapes (F, V, 3) at each handle to its orientation.
