@@ -23,6 +23,7 @@ from deformer.io.npz import read_npz
 from deformer.io.obj import ObjReader
 from deformer.io.off import read_off
 from deformer.io.ply import read_ply
+from deformer.io.point_caches import CACHE_SUFFIXES, base_of, read_cache
 from deformer.io.polygons import Polygons
 from deformer.io.sampling import checked_fps
 from deformer.io.stl import StlReader
@@ -49,7 +50,7 @@ _SEQUENCE_READERS: dict[str, Callable[[Path, float | None, _Clip], MeshSequence]
     ".gltf": lambda path, fps, clip: read_gltf_shapes(read_gltf(path), fps, clip),
     **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), read_usd_shapes),
 }
-SHAPE_SUFFIXES = tuple(_READERS)
+SHAPE_SUFFIXES = (*_READERS, *CACHE_SUFFIXES)
 _SUFFIX_LIST = ", ".join(SHAPE_SUFFIXES)
 
 
@@ -76,7 +77,9 @@ def load_shapes(
             or one NPZ with `vertices` (N, V, 3) or (V, 3) and `faces` (F, 3); or one mesh file. One
             GLB, glTF or USD file with morph targets (blend shapes) gives the shape without them,
             "base", then that with each, and last "default" if the file shows other weights than
-            0; with an animation of points, weights, nodes or a skin it gives its frames.
+            0; with an animation of points, weights, nodes or a skin it gives its frames. Or a
+            point cache, MDD or PC2, beside one mesh file of the same stem, which has its faces; a
+            directory may hold both.
         progress: called with the numbers of files read and of all files.
         fps: frames a second at which an animation is sampled; None is 24, and of USD the stage's
             own rate.
@@ -98,6 +101,11 @@ def load_shapes(
         shapes = _guarded(files[0], lambda: _SEQUENCE_READERS[suffix](files[0], fps, clip))
         if not shapes.names:
             shapes = MeshSequence(shapes.vertices, shapes.faces, (files[0].stem,))
+        if progress:
+            progress(1, 1)
+        return shapes
+    if suffix in CACHE_SUFFIXES and clip is None:
+        shapes = _load_cache(files[0])
         if progress:
             progress(1, 1)
         return shapes
@@ -151,6 +159,14 @@ def _shape_files(directory: Path) -> list[Path]:
         if entry.suffix.lower() in SHAPE_SUFFIXES and not entry.name.startswith(".")
         if not entry.is_dir()
     ]
+    caches = sorted(file for file in files if file.suffix.lower() in CACHE_SUFFIXES)
+    if len(caches) > 1:
+        raise InputError(
+            f"{directory}: holds the point caches {caches[0].name} and {caches[1].name}, expected "
+            "one; name the one to read"
+        )
+    # Its base mesh is beside it.
+    files = caches or files
     if not files:
         raise InputError(
             f"{directory}: no mesh files, expected {_SUFFIX_LIST}; check the path or put the "
@@ -174,6 +190,10 @@ def _shape_files(directory: Path) -> list[Path]:
 
 def _load_files(files: list[Path], progress: Callable[[int, int], None] | None) -> MeshSequence:
     first = files[0]
+    if first.suffix.lower() in CACHE_SUFFIXES:
+        raise InputError(
+            f"{first}: is a point cache, expected one mesh; read its frames with load_shapes"
+        )
     if first.suffix.lower() not in _READERS:
         if not first.exists():
             raise InputError(f"{first}: does not exist; check the path")
@@ -299,6 +319,18 @@ def _unknown_suffix(path: Path) -> InputError:
         f"{path}: suffix {path.suffix!r}, expected one of {_SUFFIX_LIST}; convert the file or "
         "correct its name"
     )
+
+
+def _load_cache(path: Path) -> MeshSequence:
+    vertices, names = _guarded(path, lambda: read_cache(path))
+    base = base_of(path, tuple(_READERS))
+    mesh = load_mesh(base)
+    if len(mesh.vertices) != vertices.shape[1]:
+        raise InputError(
+            f"{path}: {vertices.shape[1]} points, expected {len(mesh.vertices)} as the vertices of "
+            f"{base.name}; export both from one mesh, without modifiers that add vertices"
+        )
+    return _guarded(path, lambda: MeshSequence(vertices, mesh.faces, names))
 
 
 def _load_npz(path: Path) -> MeshSequence:

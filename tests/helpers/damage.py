@@ -194,6 +194,19 @@ def write_usd(path):
     stage.Save()
 
 
+def write_cache(path):
+    """Three frames, and the mesh beside them that has their faces."""
+    io.save_mesh(path.with_suffix(".obj"), Mesh(POINTS, FACES))
+    frames = np.stack([POINTS + n for n in range(3)])
+    if path.suffix == ".mdd":
+        head = np.array([3, 7], ">i4").tobytes() + np.arange(3, dtype=">f4").tobytes()
+        path.write_bytes(head + frames.astype(">f4").tobytes())
+    else:
+        head = b"POINTCACHE2\0" + np.array([1, 7], "<i4").tobytes()
+        head += np.array([0, 1], "<f4").tobytes() + np.array([3], "<i4").tobytes()
+        path.write_bytes(head + frames.astype("<f4").tobytes())
+
+
 TEXTS = {"text.ply": PLY, "text.stl": text_stl()}
 
 
@@ -360,6 +373,8 @@ KINDS = {
         Kind("skin.glb", lambda path: path.write_bytes(skinned().glb()), damage_bytes,
              io.load_shapes, check_shapes),
         Kind("a.usda", write_usd, damage_bytes, io.load_shapes, check_shapes),
+        Kind("mdd.mdd", write_cache, damage_bytes, io.load_shapes, check_shapes),
+        Kind("pc2.pc2", write_cache, damage_bytes, io.load_shapes, check_shapes),
         Kind("packed.gltf", text_gltf, damage_either, io.packed_gltf,
              lambda data: GltfAsset(data, "packed.glb")),
         Kind("handles.json", write_handles, damage_json,
