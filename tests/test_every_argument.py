@@ -181,6 +181,10 @@ def calls(tmp_path_factory):
         "Familiarity.distance": (deformer.Familiarity(model).distance, (code,)),
         "io.atomic_path": (entered(io.atomic_path), (folder / "w.txt",)),
         "io.check_copy": (io.check_copy, (folder / "s.npz", folder / "copy")),
+        "io.copied_path": (
+            lambda a, b: io.copied_path(a, b, 3),
+            (folder / "s.npz", folder / "copy"),
+        ),
         "io.check_output_file": (io.check_output_file, (folder / "w.json",)),
         "io.check_shapes_output": (io.check_shapes_output, (folder / "w.npz",)),
         "io.load_handles": (io.load_handles, (folder / "h.json", len(V), mesh.faces)),
@@ -196,10 +200,13 @@ def calls(tmp_path_factory):
         "io.read_tensors": (io.read_tensors, (folder / "t.safetensors",)),
         "io.read_value": (io.read_value, (folder / "h.json",)),
         "io.shape_files": (io.shape_files, (folder / "s.npz",)),
+        "io.with_reference": (io.with_reference, (shapes, 1)),
         "io.write_json": (io.write_json, (folder / "w.json", {})),
         "io.write_npz": (io.write_npz, (folder / "w.npz", {"a": np.zeros(3)})),
         "io.write_tensors": (io.write_tensors, (folder / "t", {"a": np.zeros(3)}, {"a": "b"})),
     }
+    copied = (folder / "s.npz", folder / "copy")
+    table["io.copied_path"] = (lambda source, to: io.copied_path(source, to, 3), copied)
     table["io.parse_value"] = (lambda text: io.parse_value(text, "a.json"), ("{}",))
     table["io.read_metadata"] = (lambda path: io.read_metadata(path, "a"), (folder / "t",))
     for name in ("load_mesh", "load_shapes", "save_shapes"):

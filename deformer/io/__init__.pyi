@@ -5,6 +5,7 @@ from .atomic import (
 )
 from .copies import (
     check_copy as check_copy,
+    copied_path as copied_path,
     save_copy as save_copy,
 )
 from .directories import (
@@ -63,6 +64,7 @@ from .ply import (
     ply_header as ply_header,
     ply_row as ply_row,
 )
+from .references import with_reference as with_reference
 from .tensors import (
     read_metadata as read_metadata,
     read_tensors as read_tensors,

@@ -16,6 +16,7 @@ from deformer.io.directories import atomic_directory, check_directory
 from deformer.io.loading import shape_files
 from deformer.io.meshes import save_mesh, write_npz
 from deformer.io.npz import read_npz
+from deformer.io.point_caches import CACHE_SUFFIXES
 
 
 def check_copy(source: PathLike, folder: PathLike) -> None:
@@ -30,8 +31,34 @@ def check_copy(source: PathLike, folder: PathLike) -> None:
         what = "is" if target == origin else "contains"
         raise InputError(f"{folder}: {what} the input {source}, which would be lost; choose "
                          "another directory")  # fmt: skip
-    names = {file.name for file in shape_files(source)}
+    names = _copied_names(shape_files(source))
     check_directory(folder, lambda entry: entry.name in names)
+
+
+def copied_path(source: PathLike, folder: PathLike, count: int) -> Path:
+    """What `load_shapes` reads the copy of `count` shapes from.
+
+    Args:
+        source, folder: as of `save_copy`.
+        count: how many shapes the source has.
+    """
+    files = shape_files(source)
+    target = checked_path(folder, "folder")
+    if _is_one_file_of_many(files, count):
+        return target / f"{files[0].stem}.npz"
+    return target if checked_path(source, "source").is_dir() else target / files[0].name
+
+
+def _is_one_file_of_many(files: list[Path], count: int) -> bool:
+    """True for one file of several shapes, such as morph targets or frames, that is no NPZ."""
+    file = files[0]
+    if len(files) != 1 or file.suffix.lower() == ".npz":
+        return False
+    return count > 1 or file.suffix.lower() in CACHE_SUFFIXES
+
+
+def _copied_names(files: list[Path]) -> set[str]:
+    return {file.name for file in files} | {f"{file.stem}.npz" for file in files[:1]}
 
 
 def save_copy(
@@ -45,7 +72,8 @@ def save_copy(
 ) -> tuple[str, ...]:
     """Write the changed set of a source under the source's file names, in its formats.
 
-    Files of shapes that did not change are copied byte for byte. The other arrays of an NPZ are
+    One file of several shapes, such as of morph targets, becomes an NPZ of its stem. Files of
+    shapes that did not change are copied byte for byte. The other arrays of an NPZ are
     kept; of those with a value for each vertex, the values of the vertices that are left.
 
     Args:
@@ -65,9 +93,13 @@ def save_copy(
     """
     check_copy(source, folder)
     files = shape_files(source)
-    names = {file.name for file in files}
+    names = _copied_names(files)
     written = []
     with atomic_directory(folder, lambda entry: entry.name in names) as work:
+        if _is_one_file_of_many(files, len(shapes)):
+            name = f"{files[0].stem}.npz"
+            write_npz(work / name, {"vertices": shapes.vertices, "faces": shapes.faces})
+            return (name,)
         for n, file in enumerate(files):
             if file.suffix.lower() == ".npz":
                 _copy_npz(file, work / file.name, shapes, kept)

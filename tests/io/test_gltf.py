@@ -398,3 +398,19 @@ def test_targets_that_would_fill_the_memory_are_refused(tmp_path, monkeypatch):
     assert "5003 morph targets" in refusal(load, tmp_path, file)
     targets += [{"POSITION": zeros}] * 5000
     assert "10002 targets" in refusal(load, tmp_path, file)
+
+
+# Copies
+
+
+def test_a_copy_of_one_file_of_several_shapes_is_one_npz(tmp_path):
+    file, _, _ = with_targets()
+    (tmp_path / "face.glb").write_bytes(file.glb())
+    shapes = io.load_shapes(tmp_path / "face.glb")
+    target = tmp_path / "copy"
+    written = io.save_copy(
+        tmp_path / "face.glb", target, shapes, changed=[1], kept=np.arange(4), faces_changed=False
+    )
+    assert written == ("face.npz",)
+    again = io.load_shapes(io.copied_path(tmp_path / "face.glb", target, len(shapes)))
+    np.testing.assert_array_equal(again.vertices, shapes.vertices)

@@ -18,11 +18,38 @@ MOST_RUNS, MOST_LISTED = 1000, 1_000_000
 # Largest seed that all generators of random numbers take.
 MOST_SEED = 2**63 - 1
 
-SHAPES_HELP = "Directory of OBJ, PLY, OFF, STL or GLB files in natural name order, or one NPZ."
+SHAPES_HELP = (
+    "Directory of OBJ, PLY, OFF, STL, GLB, glTF or USD files in natural name order; or one NPZ; or "
+    "one GLB, glTF or USD file with morph targets or an animation; or a point cache (MDD, PC2) "
+    "beside its mesh."
+)
 MODEL_HELP = "A model's directory, or the name of a shipped model."
 
 Shapes = Annotated[Path, typer.Argument(metavar="SHAPES", help=SHAPES_HELP, show_default=False)]
 Model = Annotated[str, typer.Argument(metavar="MODEL", help=MODEL_HELP, show_default=False)]
+Reference = Annotated[
+    str | None,
+    typer.Option(
+        help="The undeformed shape: the name or the number of one of the shapes, or a mesh file, "
+        "which becomes shape 0.  [default: the first]",
+        show_default=False,
+    ),
+]
+Fps = Annotated[
+    float | None,
+    typer.Option(
+        help="Frames a second at which an animation is sampled.  [default: 24; of USD its own]",
+        show_default=False,
+    ),
+]
+Clip = Annotated[
+    str | None,
+    typer.Option(
+        help="Name or number of a file's animation, to be read in place of its morph targets or of "
+        "its first animation.",
+        show_default=False,
+    ),
+]
 Bare = Annotated[
     bool,
     typer.Option(

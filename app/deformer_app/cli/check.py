@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from deformer import MeshSequence, Report, examine, io, load_shapes, repair_shapes
+from deformer import InputError, MeshSequence, Report, examine, io, load_shapes, repair_shapes
 from deformer_app import console
 
 
@@ -14,21 +14,46 @@ def file_names(path: Path) -> list[str] | None:
     return [file.name for file in io.shape_files(path)] if path.is_dir() else None
 
 
-def run(path: Path, fix: Path | None, page: Path | None) -> dict[str, Any]:
+def shape_names(path: Path, shapes: MeshSequence) -> list[str] | None:
+    """What messages call the shapes: their files, or their own names; None without either."""
+    files = file_names(path)
+    if files is not None and len(files) == len(shapes):
+        return files
+    return list(shapes.names) or None
+
+
+def run(
+    path: Path,
+    fix: Path | None,
+    page: Path | None,
+    reference: str | None = None,
+    fps: float | None = None,
+    clip: str | None = None,
+) -> dict[str, Any]:
     """Examine shapes, and repair and picture them if asked; what `--json` prints.
 
     Args:
         path: the shapes.
         fix: directory for repaired copies, or None.
         page: HTML file for a report with pictures, or None.
+        reference: the undeformed shape, as of `io.with_reference`; None is the first.
+        fps, clip: as of `load_shapes`.
     """
+    if fix is not None and reference is not None:
+        raise InputError(
+            "--fix repairs shapes by the first one, got --reference with it; leave one out"
+        )
     if fix is not None:
         io.check_copy(path, fix)
     if page is not None:
         io.check_output_file(page)
-    names = file_names(path)
     with console.progress("loading") as progress:
-        shapes = load_shapes(path, progress)
+        shapes = load_shapes(path, progress, fps=fps, clip=clip)
+    if reference is not None:
+        shapes, first = io.with_reference(shapes, reference)
+        # The examination takes shape 0 as the reference.
+        shapes = shapes.subset([first, *(n for n in range(len(shapes)) if n != first)])
+    names = shape_names(path, shapes) if reference is None else list(shapes.names) or None
     report = examine(shapes, names)
     result = report.as_dict()
     fixed: tuple[MeshSequence, Report] | None = None
@@ -50,7 +75,7 @@ def run(path: Path, fix: Path | None, page: Path | None) -> dict[str, Any]:
                 "triangles alone",
             )
         # What was written counts, not what should have been.
-        copy = fix / path.resolve().name if io.shape_files(path)[0] == path else fix
+        copy = io.copied_path(path, fix, len(shapes))
         again = load_shapes(copy)
         fixed = again, examine(again, names)
         result["fix"] = {"output": str(copy), "done": list(done), "after": fixed[1].as_dict()}

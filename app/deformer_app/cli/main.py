@@ -23,7 +23,10 @@ from deformer_app.cli.arguments import (
     MOST_EPOCHS,
     MOST_SEED,
     Bare,
+    Clip,
+    Fps,
     Json,
+    Reference,
     Shapes,
     examples,
     refuse_inputs,
@@ -105,6 +108,9 @@ def check(
     report: Annotated[
         Path | None, typer.Option(help="HTML file for a report with pictures.")
     ] = None,
+    reference: Reference = None,
+    fps: Fps = None,
+    clip: Clip = None,
     as_json: Json = False,
 ) -> None:
     """Examine example shapes before training: what they hold, what is wrong with them.
@@ -114,7 +120,7 @@ def check(
     from deformer_app.cli import check as checking
 
     refuse_inputs(report, shapes)
-    result = checking.run(shapes, fix, report)
+    result = checking.run(shapes, fix, report, reference, fps, clip)
     if as_json:
         console.emit(result)
     else:
@@ -162,6 +168,9 @@ def train(
         ),
     ] = False,
     up: Annotated[str, typer.Option(help="Axis that points up, for pictures: x, y, z, -x…")] = "y",
+    reference: Reference = None,
+    fps: Fps = None,
+    clip: Clip = None,
     as_json: Json = False,
 ) -> None:
     """Learn a model from example shapes.
@@ -172,7 +181,7 @@ def train(
     import deformer
     from deformer import io
     from deformer_app.cli import rebuilding, training_guards as guards
-    from deformer_app.cli.check import file_names
+    from deformer_app.cli.check import shape_names
 
     refuse_inputs(output, shapes, split)
     options: dict[str, Any] = {
@@ -186,13 +195,17 @@ def train(
         guards.outputs(output, options if resume else None) as checkpoint,
         guards.kept_if_cut_short(checkpoint),
     ):
-        sequence = _load_shapes(shapes)
+        sequence = _load_shapes(shapes, fps, clip)
+        chosen = None
+        if reference is not None:
+            sequence, chosen = io.with_reference(sequence, reference)
         advice = guards.refuse_unusable(shapes, sequence)
         parts = io.load_split(split, len(sequence)) if split else None
         with console.training_progress() as report:
             model = deformer.train(
                 sequence,
                 **options,
+                reference=chosen,
                 split=parts,
                 device=device,
                 up=up,
@@ -217,7 +230,7 @@ def train(
         console.note(f"To go on: {guards.command_to_resume()}")
         raise console.Interrupted
     console.note(f"Saved {output}.")
-    for message in [*advice, *rebuilding.advice(model, file_names(shapes))]:
+    for message in [*advice, *rebuilding.advice(model, shape_names(shapes, sequence))]:
         console.note(message)
 
 
@@ -472,11 +485,11 @@ def _fit_session(
         console.show_facts(str(output), {k: v for k, v in result.items() if k != "z"})
 
 
-def _load_shapes(path: Path) -> MeshSequence:
+def _load_shapes(path: Path, fps: float | None, clip: str | None) -> MeshSequence:
     import deformer
 
     with console.progress("loading") as report:
-        return deformer.load_shapes(path, report)
+        return deformer.load_shapes(path, report, fps=fps, clip=clip)
 
 
 def _describe(model: DeformationModel) -> dict[str, Any]:

@@ -20,9 +20,9 @@ def refuse_unusable(path: Path, shapes: MeshSequence) -> list[str]:
     Returns:
         Advice for the end: that shapes are few.
     """
-    from deformer_app.cli.check import file_names
+    from deformer_app.cli.check import shape_names
 
-    report = deformer.examine(shapes, file_names(path))
+    report = deformer.examine(shapes, shape_names(path, shapes))
     errors = [finding.message for finding in report.findings if finding.severity == "error"]
     for finding in report.findings:
         if finding.severity == "warning":

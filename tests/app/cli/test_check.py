@@ -100,3 +100,24 @@ def test_the_page_has_findings_and_pictures_and_needs_nothing_else(bad, tmp_path
     assert "http" not in text
     assert "mirrored back" in text
     assert "vertex 90" in text
+
+
+def test_a_reference_and_a_clip_may_be_named(sound, tmp_path, capsys):
+    save_shapes(tmp_path / "walk", sound, "obj")
+    assert deformer("check", tmp_path / "walk", "--reference", "0003", "--json") == 0
+    first = json.loads(capsys.readouterr().out)
+    assert deformer("check", tmp_path / "walk", "--json") == 0
+    second = json.loads(capsys.readouterr().out)
+    assert first["facts"]["shapes"] == second["facts"]["shapes"] == len(sound)
+    assert first["facts"]["local_rotations"] != second["facts"]["local_rotations"]
+    extra = tmp_path / "walk" / "0002.obj"
+    assert deformer("check", tmp_path / "walk", "--reference", extra, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["facts"]["shapes"] == len(sound) + 1
+    for options, part in (
+        (("--reference", "gone"), "'gone'"),
+        (("--reference", "0003", "--fix", tmp_path / "fixed"), "leave one out"),
+        (("--clip", "walk"), "clip 'walk'"),
+        (("--fps", "0"), "fps"),
+    ):
+        assert deformer("check", tmp_path / "walk", *options) == 2
+        assert part in capsys.readouterr().err

@@ -1,6 +1,7 @@
 """`deformer train`: where it writes, and what it keeps when it is cut short."""
 
 import errno
+import json
 import os
 import shlex
 import signal
@@ -8,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import deformer
@@ -212,3 +214,16 @@ def test_a_second_ctrl_c_during_a_save_leaves_the_checkpoint_whole(
     assert status == 0, err
     assert deformer.load_model(tmp_path / "m").summary["epochs"] == 4
     assert not checkpoint.exists()
+
+
+def test_the_reference_is_the_shape_or_the_file_that_is_named(tmp_path, capsys):
+    shapes = bending_bar()
+    deformer.save_shapes(tmp_path / "walk", shapes, "obj")
+    rest = str(tmp_path / "walk" / "0004.obj")
+    for given, count in (("0004", len(shapes)), (rest, len(shapes) + 1)):
+        arguments = ["train", str(tmp_path / "walk"), "-o", str(tmp_path / f"model{count}")]
+        arguments += ["--components", "2", "--epochs", "2", "--reference", given, "--json"]
+        assert console.run(app, arguments) == 0
+        assert json.loads(capsys.readouterr().out)["summary"]["shapes"] == count
+        model = deformer.load_model(tmp_path / f"model{count}")
+        np.testing.assert_array_equal(model.reference.vertices, shapes.vertices[4])
