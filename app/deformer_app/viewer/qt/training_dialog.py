@@ -22,8 +22,10 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from deformer import io
 from deformer_app.viewer.training_job import TrainingJob
 
+_SHAPE_FILES = f"Shapes ({' '.join(f'*{suffix}' for suffix in ('.npz', *io.SHAPE_SUFFIXES))})"
 _POLL = 100  # milliseconds between two polls of the progress
 
 
@@ -50,7 +52,7 @@ class TrainingDialog(QDialog):
         self._job: TrainingJob | None = None
         self.ended = False
         self.shapes, self.output = QLineEdit(), QLineEdit()
-        self.shapes.setPlaceholderText("Folder of OBJ, PLY, OFF, STL or GLB files, or an NPZ")
+        self.shapes.setPlaceholderText("Folder of meshes, NPZ, GLB, glTF, USD or point cache")
         self.components, self.epochs = QSpinBox(), QSpinBox()
         self.components.setRange(1, 500)
         self.components.setValue(50)
@@ -121,7 +123,7 @@ class TrainingDialog(QDialog):
             self.choose(Path(name))
 
     def _choose_file(self) -> None:
-        name, _ = QFileDialog.getOpenFileName(self, "Shapes", "", "Shapes (*.npz)")
+        name, _ = QFileDialog.getOpenFileName(self, "Shapes", "", _SHAPE_FILES)
         if name:
             self.choose(Path(name))
 
