@@ -29,6 +29,7 @@ from deformer.rigging.transforms import (
     moments,
     separate_transforms,
     skinned,
+    skinning_errors,
 )
 from deformer.rigging.weights import fitted_weights
 
@@ -42,7 +43,7 @@ _ALTERNATIONS, _CLOSING = 80, 3
 # Up to which alternation, and how often, bones take the place of those that were left out.
 _LAST_NEW, _NEW_EVERY = 50, 5
 # Passes over the bones in each alternation.
-_SWEEPS = 20
+_SWEEPS = 5
 # Relative decrease of the error below which alternations end.
 _ENOUGH = 3e-4
 # How far a bone's weights reach beyond its own vertices, in mean distances of bones.
@@ -161,7 +162,7 @@ def _decompose(
         weights = _weights(rest, shapes, T, near, influences, mean, weights, smoothness)
         weights, T = _without_small(graph, weights, T, smallest)
         T = fitted_transforms(moments(weights, rest, shapes), T, _SWEEPS)
-        errors = _errors(rest, shapes, weights, T)
+        errors = skinning_errors(weights, rest, T, shapes)
         error = float(errors.mean())
         if weights.shape[1] < bones and n < _LAST_NEW and n % _NEW_EVERY == 0:
             new = _missing(graph, mean @ errors, smallest, bones, weights.shape[1])
@@ -235,14 +236,6 @@ def _with_bone(
     own[patch] = 1.0
     new = separate_transforms(moments(own, rest, shapes))
     return np.hstack([np.where(own > 0, 0.0, weights), own]), np.concatenate([T, new], axis=1)
-
-
-def _errors(rest: FloatArray, shapes: FloatArray, weights: FloatArray, T: FloatArray) -> FloatArray:
-    """Mean squares (V,) of the distance between the skinned rest shape and the shapes."""
-    total = np.zeros(len(rest))
-    for n in range(len(T)):
-        total += ((skinned(weights, rest, T[n : n + 1])[0] - shapes[:, n]) ** 2).sum(axis=1)
-    return total / len(T)
 
 
 def _finished(

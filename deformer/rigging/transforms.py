@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
 from deformer.compilation import njit
@@ -140,5 +141,34 @@ def _sweep(first, second, cross, pull, sweeps, T):
 
 def skinned(weights: FloatArray, rest: FloatArray, T: FloatArray) -> FloatArray:
     """Shapes (N, V, 3) of transforms (N, B, 3, 4): p_i = Σ_b w_ib T_b ṽ_i."""
-    blended = np.tensordot(T, weights, axes=([1], [1]))  # (N, 3, 4, V)
-    return (np.einsum("nxyv,vy->nvx", blended[:, :, :3], rest)) + blended[:, :, 3].swapaxes(1, 2)
+    shapes = np.empty((len(T), len(rest), 3))
+    _skin(*_rows(weights), rest, np.ascontiguousarray(T), shapes)
+    return shapes
+
+
+def skinning_errors(
+    weights: FloatArray, rest: FloatArray, T: FloatArray, shapes: FloatArray
+) -> FloatArray:
+    """Mean squares (V,) over N of the distance between `skinned` points and shapes (V, N, 3)."""
+    return ((skinned(weights, rest, T) - shapes.transpose(1, 0, 2)) ** 2).sum(axis=2).mean(axis=0)
+
+
+def _rows(weights: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
+    """Weights (V, B) row by row: where rows begin (V + 1,), bones, and their weights."""
+    vertex, bone = np.nonzero(weights)
+    starts = np.append(0, np.cumsum(np.bincount(vertex, minlength=len(weights))))
+    return starts, bone, weights[vertex, bone]
+
+
+@njit(nogil=True, error_model="numpy")
+def _skin(starts, bones, shares, rest, T, shapes):
+    for n in range(len(T)):
+        for i in range(len(rest)):
+            for x in range(3):
+                total = 0.0
+                for e in range(starts[i], starts[i + 1]):
+                    t = T[n, bones[e], x]
+                    total += shares[e] * (
+                        t[0] * rest[i, 0] + t[1] * rest[i, 1] + t[2] * rest[i, 2] + t[3]
+                    )
+                shapes[n, i, x] = total
