@@ -1,7 +1,7 @@
 """How closely rigs follow a model, its training shapes and unseen ones, beside plain alternatives.
 
     python benchmarks/rigging.py MODEL [SHAPES] [--bones 30] [--influences 4]
-    python benchmarks/rigging.py --decompose SHAPES [--bones 5 10 20] [--influences 8]
+    python benchmarks/rigging.py SHAPES --decompose [--bones 5 10 20] [--influences 8]
 
 Rows: Deformer's rig; its rigid parts with each vertex moved by its own part alone; the parts with
 the weights of smoothed parts; and dem-bones with its defaults where the package py-dem-bones is
