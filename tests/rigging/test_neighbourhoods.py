@@ -105,12 +105,15 @@ def test_the_worst_patch_lies_around_the_largest_error():
 
 
 def chain(angles):
-    """Weights, rest shape and transforms of four bones along a tube, each turned at its start."""
+    """Weights, rest shape and transforms of four bones along a tube, each turned at its start.
+
+    Bones that are no neighbours share some vertices, too, and vertices are shared beside the joints.
+    """
     mesh = tube(rings=41)
     rest = mesh.vertices
     starts = np.array([0.0, 0.5, 1.0, 1.5])
     x = rest[:, 0]
-    blend = np.clip((x[:, None] - starts[1:]) / 0.2 + 0.5, 0, 1)
+    blend = np.clip((x[:, None] - starts[1:]) / 0.8 + 0.3, 0, 1)
     full = np.column_stack([np.ones(len(x)), blend])
     w = full - np.column_stack([blend, np.zeros(len(x))])
     T = np.empty((len(angles), 4, 3, 4))
@@ -136,8 +139,8 @@ def test_the_skeleton_of_a_chain_is_the_chain_with_its_joints():
     assert found.parents[0] == -1 and (found.parents[1:] < np.arange(1, 4)).all()
     for n in range(1, 4):
         upper = max(bone[n], bone[found.parents[n]])
-        np.testing.assert_allclose(found.joints[n], [starts[upper], 0, 0], atol=2e-3)
-    assert found.gaps.max() < 2e-3
+        np.testing.assert_allclose(found.joints[n], [starts[upper], 0, 0], atol=2e-2)
+    assert found.gaps.max() < 2e-2
 
 
 def test_bones_without_a_vertex_in_common_are_joined_to_the_nearest():
