@@ -107,7 +107,7 @@ def test_the_worst_patch_lies_around_the_largest_error():
 def chain(angles):
     """Weights, rest shape and transforms of four bones along a tube, each turned at its start.
 
-    Bones that are no neighbours share some vertices, too, and vertices are shared beside the joints.
+    Bones that are no neighbours share some vertices, too, and no joint is in the middle of them.
     """
     mesh = tube(rings=41)
     rest = mesh.vertices
