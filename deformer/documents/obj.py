@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import re
 from collections.abc import Mapping
@@ -10,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from deformer.documents.normals import renewed_normals
+from deformer.documents.normals import mean_normals, renewed_normals
 from deformer.documents.polygons import Material, Part, PolygonMesh, numbered
 from deformer.documents.text_files import opened
 from deformer.geometry import FloatArray, IntArray
@@ -18,6 +19,8 @@ from deformer.geometry import FloatArray, IntArray
 # The reader continues these statements alone, for a comment may end in a backslash by chance.
 _CONTINUED = re.compile(rb"^[ \t]*(?:v|vt|vn|f)(?=[ \t\\])(?:[^\n]*\\\r?\n)+", re.M | re.I)
 _DIGITS = 6  # of normals
+_APART = math.cos(math.radians(20))
+_log = logging.getLogger("deformer")
 _NEXT = r"((?:[ \t\r\v\f]|\\\r?\n)+)[^ \t\r\n\v\f\\]+"
 # Keyword, then three numbers, if there are as many, with the spaces before them.
 _VECTOR = re.compile(
@@ -35,6 +38,7 @@ class ObjFile:
         self._before = np.array(self._parsed.positions)
         self._normals = np.array(self._parsed.normals).reshape(-1, 3)
         self._text = text.decode("latin-1")
+        self._warned = False
 
     def written(self, vertices: FloatArray) -> bytes:
         """The file with other positions.
@@ -52,6 +56,8 @@ class ObjFile:
             counts, corners = np.array(parsed.counts), np.array(parsed.corners)
             uses = parsed.normal_of_corner
             anew = renewed_normals(normals, uses, self._before, vertices, counts, corners)
+            if not self._warned:
+                self._warn_of_shared(anew, vertices, counts, corners)
             normals = np.where(anew == normals, normals, _rounded(anew))
         values = vertices.tolist(), normals.tolist()
         changed = (
@@ -66,6 +72,31 @@ class ObjFile:
                 at = last
         pieces.append(self._text[at:])
         return self._restore("".join(pieces).encode("latin-1"))
+
+    def _warn_of_shared(
+        self, normals: FloatArray, vertices: FloatArray, counts: IntArray, corners: IntArray
+    ) -> None:
+        """Say in the log, once, if one normal stands for vertices that now face apart.
+
+        Programs write equal normals once, whichever vertices have them.
+        """
+        uses = self._parsed.normal_of_corner
+        if not (uses >= 0).any():
+            return
+        own = numbered(corners, uses)
+        found = mean_normals(vertices, counts, corners, own, int(own.max()) + 1)
+        chosen = (own >= 0) & (found[own] != 0).any(axis=1)
+        cosines = (found[own] * normals[uses]).sum(axis=1)[chosen]
+        apart = cosines < _APART
+        if apart.any():
+            self._warned = True
+            _log.warning(
+                "OBJ: %d of %d normals stand for vertices that now face up to %.0f° off; "
+                "recalculate normals where the file is opened, or write GLB",
+                len(np.unique(uses[chosen][apart])),
+                len(normals),
+                np.degrees(np.arccos(np.clip(cosines.min(), -1, 1))),
+            )
 
     @cached_property
     def _vectors(self) -> list[tuple[int, int, int, int, str, str, str]]:

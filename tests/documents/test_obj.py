@@ -171,3 +171,25 @@ def test_any_file_keeps_its_text_and_gives_back_the_positions(tmp_path_factory, 
                                   vectors(content.replace(b"\\\n", b""), b"vt"))  # fmt: skip
     (folder / "old.obj").write_bytes(back)
     np.testing.assert_array_equal(load_mesh(folder / "old.obj").vertices, vertices)
+
+
+def test_normals_that_stand_for_vertices_that_face_apart_are_told_once(tmp_path, caplog):
+    """A tube whose rings share their normals, as programs write them, and one with its own."""
+    shared = tubes.obj()
+    for n in range(tubes.AROUND, tubes.AROUND * tubes.RINGS):
+        shared = shared.replace(b"/%d " % (n + 1), b"/%d " % (n % tubes.AROUND + 1))
+        shared = shared.replace(b"/%d\n" % (n + 1), b"/%d\n" % (n % tubes.AROUND + 1))
+    for content, told in ((tubes.obj(), False), (shared, True)):
+        found = document(tmp_path, content)
+        found.write(tubes.positions(0.1))
+        assert not caplog.messages
+        for bend in (2.0, 2.5):
+            found.write(tubes.positions(bend))
+        assert len(caplog.messages) == told
+        assert not told or "normals stand for vertices that now face up to" in caplog.messages[0]
+
+
+def test_normals_that_no_corner_uses_stay(tmp_path):
+    content = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\nf 1 2 3\n"
+    written = document(tmp_path, content).write(np.eye(3))
+    assert written == b"v 1.0 0.0 0.0\nv 0.0 1.0 0.0\nv 0.0 0.0 1.0\nvn 0 0 1\nf 1 2 3\n"
