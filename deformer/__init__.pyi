@@ -21,8 +21,14 @@ from .analysis import (
     transfer as transfer,
     transfer_code as transfer_code,
 )
+from .animation import (
+    SavedShapes as SavedShapes,
+    check_shapes_output as check_shapes_output,
+    save_shapes as save_shapes,
+)
 from .documents import (
     Document as Document,
+    check_mesh_output as check_mesh_output,
     load_document as load_document,
     save_mesh as save_mesh,
 )
@@ -61,7 +67,6 @@ from .geometry import (
 from .io import (
     load_mesh as load_mesh,
     load_shapes as load_shapes,
-    save_shapes as save_shapes,
 )
 from .model import (
     DeformationModel as DeformationModel,

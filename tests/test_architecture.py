@@ -16,8 +16,8 @@ APPLICATION = ROOT / "app" / "deformer_app"
 # A package imports only from packages before it. All may use the modules beside the packages.
 LOOSE_MODULES = ("errors", "checks", "compilation")
 LIBRARY_PACKAGES = (
-    "geometry", "io", "documents", "preflight", "linalg", "acap", "network", "model", "analysis",
-    "rigging", "editing", "training", "baselines", "evaluation",
+    "geometry", "io", "documents", "animation", "preflight", "linalg", "acap", "network", "model",
+    "analysis", "rigging", "editing", "training", "baselines", "evaluation",
 )  # fmt: skip
 APPLICATION_PACKAGES = ("rendering", "report", "viewer", "cli")
 # Packages of the library that the application may use beside the names of `deformer` itself.

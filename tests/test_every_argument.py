@@ -37,7 +37,7 @@ JUNK = [
 ]
 # Classes that hold results, types, and packages: nobody calls them with values of their own.
 RESULTS = {
-    *("Layout", "Rig"),
+    *("Layout", "Rig", "SavedShapes"),
     *("Component", "Finding", "Pose", "Repair", "Report", "SequenceFit", "ShapePath", "Symmetry"),
     *("TrainingProgress", "Uncertainty", "DeformationModel", "BlendSpace", "InputError"),
     *("baselines", "evaluation", "io"),
@@ -45,8 +45,14 @@ RESULTS = {
 # Functions without arguments, or of `io` with callbacks and tested in tests/io.
 OTHERS = {
     *("shipped_models", "io.MESH_SUFFIXES", "io.LARGEST", "io.JsonValue", "io.HandleFile"),
-    *("io.HandleTarget", "io.save_copy", "io.atomic_directory", "io.check_directory"),
-    *("io.begins_with", "io.digest", "io.SHAPE_SUFFIXES"),
+    *(
+        "io.HandleTarget",
+        "io.save_copy",
+        "io.save_shape_files",
+        "io.atomic_directory",
+        "io.check_directory",
+    ),
+    *("io.begins_with", "io.digest", "io.SHAPE_SUFFIXES", "io.save_shape_files"),
     # Parts of files, and what reading gives.
     *("io.GlbBuilder", "io.glb_of", "io.VERTICES", "io.INDICES"),
     *("io.GltfAsset", "io.GltfScene", "io.VertexRange"),
@@ -106,7 +112,9 @@ def calls(tmp_path_factory):
         "Synthesis": (model, code),
         "check_blend_space": ("latent",),
         "check_checkpoint": (folder / "checkpoint",),
+        "check_mesh_output": (folder / "o.ply",),
         "check_model_folder": (folder / "new",),
+        "check_shapes_output": (folder / "o.npz",),
         "check_resumable": {"checkpoint": folder / "checkpoint"},
         "draw_codes": (model, 2, 0, 1.0),
         "e_rms": (shapes.vertices, shapes.vertices, "none"),
@@ -128,9 +136,9 @@ def calls(tmp_path_factory):
         "remove_checkpoint": (folder / "checkpoint",),
         "repair_shapes": (shapes, None),
         "rig": {"model": model, "bones": 2},
-        "save_mesh": (folder / "o.ply", mesh, document),
+        "save_mesh": {"path": folder / "o.ply", "mesh": mesh, "like": document},
         "save_names": (folder / "model", {0: "nod"}),
-        "save_shapes": (folder / "o.npz", shapes, "ply"),
+        "save_shapes": {"path": folder / "o.glb", "shapes": shapes, "like": document},
         "spread": (V, 3),
         "symmetry_about": (mesh, [0.0, 0, 0], [1.0, 0, 0]),
         "target_noise": (model, 0.01),
@@ -199,6 +207,7 @@ def calls(tmp_path_factory):
         "io.read_metadata": (io.read_metadata, (folder / "t.safetensors",)),
         "io.read_tensors": (io.read_tensors, (folder / "t.safetensors",)),
         "io.read_value": (io.read_value, (folder / "h.json",)),
+        "io.usd_library": (io.usd_library, ("a.usda",)),
         "io.shape_files": (io.shape_files, (folder / "s.npz",)),
         "io.with_reference": (io.with_reference, (shapes, 1)),
         "io.write_json": (io.write_json, (folder / "w.json", {})),
@@ -209,8 +218,9 @@ def calls(tmp_path_factory):
     table["io.copied_path"] = (lambda source, to: io.copied_path(source, to, 3), copied)
     table["io.parse_value"] = (lambda text: io.parse_value(text, "a.json"), ("{}",))
     table["io.read_metadata"] = (lambda path: io.read_metadata(path, "a"), (folder / "t",))
-    for name in ("load_mesh", "load_shapes", "save_shapes"):
+    for name in ("load_mesh", "load_shapes"):
         table[f"io.{name}"] = table[name]
+    table["io.save_shapes"] = (io.save_shapes, (folder / "o.npz", shapes, "ply"))
     table["io.save_mesh"] = (io.save_mesh, (folder / "o.ply", mesh))
     return table
 

@@ -199,7 +199,7 @@ def cases():
         *each(
             "format",
             lambda v: deformer.save_shapes("a", sequence(3), v),
-            [None, 3, "fbx", "\ud800"],
+            [3, "fbx", "\ud800"],
             "format",
         ),
         *each("geodesics", deformer.Geodesics, [None, shapes, "m"], "mesh"),

@@ -4,6 +4,15 @@ from .document import (
     checked_document as checked_document,
     load_document as load_document,
 )
+from .glb_poses import posed_glb as posed_glb
 from .saving import (
+    Like as Like,
+    check_mesh_output as check_mesh_output,
+    document_of as document_of,
     save_mesh as save_mesh,
+)
+from .text_files import single_precision as single_precision
+from .usd import (
+    USD_SUFFIXES as USD_SUFFIXES,
+    write_usd as write_usd,
 )

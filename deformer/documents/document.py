@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -44,6 +45,7 @@ from deformer.io import (
 )
 
 DOCUMENT_SUFFIXES = (".obj", ".ply", ".glb")
+T = TypeVar("T")
 _MOST_LIBRARY = 10_000_000  # bytes of a material library
 
 
@@ -124,12 +126,21 @@ class Document:
         """
         points = checked_array(vertices, "vertices", (self.vertex_count, 3), largest=FARTHEST)
         target = self.suffix if suffix is None else checked_text(suffix, "suffix").lower()
-        if target != self.suffix and target not in _WRITERS:
-            return mesh_bytes(Mesh(points, self.faces), target)
+        if target == self.suffix:
+            return self.guarded(lambda: self._rewritten(points))
+        if target in _WRITERS:
+            polygons = self.polygons()
+            return self.guarded(lambda: _WRITERS[target](points, polygons, self.faces))
+        return mesh_bytes(Mesh(points, self.faces), target)
+
+    def guarded(self, write: Callable[[], T]) -> T:
+        """What a function returns that works on the document's contents.
+
+        Raises:
+            InputError: the function fails in any way.
+        """
         try:
-            if target == self.suffix:
-                return self._rewritten(points)
-            return _WRITERS[target](points, self._polygons(), self.faces)
+            return write()
         except InputError:
             raise
         # The reader has looked at positions and triangles alone; the rest may hold anything.
@@ -154,7 +165,15 @@ class Document:
             case _:
                 return rewritten_glb(self.data, points)
 
-    def _polygons(self) -> PolygonMesh:
+    def polygons(self) -> PolygonMesh:
+        """What the document has of all that mesh formats have in common.
+
+        Raises:
+            InputError: the document is damaged.
+        """
+        return self.guarded(self._read_polygons)
+
+    def _read_polygons(self) -> PolygonMesh:
         match self.suffix:
             case ".obj":
                 return self._obj.polygons(self.colours)

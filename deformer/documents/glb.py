@@ -38,9 +38,17 @@ def rewritten_glb(data: bytes, vertices: FloatArray) -> bytes:
         InputError: a position too large for single precision, or a node that flattens its mesh.
     """
     scene = GltfScene(GltfAsset(data, "the document"))
-    shown = shown_vertices(scene)
-    if np.array_equal(shown, vertices):
+    if np.array_equal(shown_vertices(scene), vertices):
         return data
+    return undeformed_glb(scene, vertices)
+
+
+def undeformed_glb(scene: GltfScene, vertices: FloatArray) -> bytes:
+    """As `rewritten_glb`, of a scene; what deforms its meshes is removed even if none has moved.
+
+    Every node of the scene that shows a mesh has one of its own.
+    """
+    shown = shown_vertices(scene)
     file, ranges = GlbFile(scene.asset), scene.ranges
     _separate_meshes(file, ranges)
     before = shown.copy()

@@ -161,7 +161,7 @@ class _ObjectWriter:
             arrays["TEXCOORD_0"] = rows[:, -2:] * (1, -1) + (0, 1)
         if mesh.colours is not None:
             colours = mesh.colours[own].copy()
-            colours[:, :3] = _linear(colours[:, :3])
+            colours[:, :3] = linear_colours(colours[:, :3])
             arrays["COLOR_0"] = colours
         self._attributes = {key: asset.add_array(a, VERTICES) for key, a in arrays.items()}
 
@@ -185,7 +185,8 @@ def _described(material: Material) -> dict[str, Any]:
 
 
 # IEC 61966-2-1, the transfer function of sRGB.
-def _linear(colours: FloatArray) -> FloatArray:
+def linear_colours(colours: FloatArray) -> FloatArray:
+    """Colours of 0 to 1 that are encoded as sRGB, in linear form."""
     return np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
 
 

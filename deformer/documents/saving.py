@@ -5,11 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from deformer.checks import checked_instance, checked_path, shortened
+from deformer.checks import checked_choice, checked_instance, checked_path, shortened
 from deformer.documents.document import Document, load_document
+from deformer.documents.usd import USD_SUFFIXES, write_usd
 from deformer.errors import InputError
 from deformer.geometry import Mesh
-from deformer.io import MESH_SUFFIXES, atomic_path, save_mesh as save_bare_mesh
+from deformer.io import (
+    MESH_SUFFIXES,
+    atomic_path,
+    check_output_file,
+    save_mesh as save_bare_mesh,
+    usd_library,
+)
 
 
 @runtime_checkable
@@ -25,16 +32,18 @@ class HasDocument(Protocol):
 Like = Document | HasDocument | str | Path
 
 
-def save_mesh(path: str | Path, mesh: Mesh, like: Like | None = None) -> None:
+def save_mesh(path: str | Path, mesh: Mesh, like: Like | None = None, *, up: str = "y") -> None:
     """Write one mesh in the format of the suffix; an existing file is replaced once all is written.
 
     Args:
-        path: the file, named .obj, .ply, .off, .stl or .glb. STL and GLB round positions to
-            float32; STL also loses vertex numbers and vertices without a face.
+        path: the file, named .obj, .ply, .off, .stl, .glb, .usd, .usda or .usdc. STL, GLB and USD
+            round positions to float32; STL also loses vertex numbers and vertices without a face.
+            USD needs the extra "usd".
         mesh: the mesh.
         like: what the file has beside positions and triangles: a document, a model with its
             document, or the path of a file or directory of shapes. None, or one without anything
             more, writes positions and triangles alone.
+        up: of USD, "y" or "z", the axis that points up; coordinates stay as they are.
 
     Raises:
         InputError: an unknown suffix, a directory that is missing or not writable, or a document
@@ -42,13 +51,40 @@ def save_mesh(path: str | Path, mesh: Mesh, like: Like | None = None) -> None:
     """
     target = checked_path(path, "path")
     checked_instance(mesh, "mesh", Mesh, remedy="make one of vertices and faces")
+    checked_choice(up, "up", ("y", "z"))
     document = document_of(like)
-    if document is None or target.suffix.lower() not in MESH_SUFFIXES:
+    suffix = target.suffix.lower()
+    if suffix not in USD_SUFFIXES and (document is None or suffix not in MESH_SUFFIXES):
         save_bare_mesh(target, mesh)
         return
-    document.check_fits(len(mesh.vertices), mesh.faces)
+    if document is not None:
+        document.check_fits(len(mesh.vertices), mesh.faces)
+    if suffix in USD_SUFFIXES:
+        usd_library(target)
     with atomic_path(target) as temporary:
+        if document is None or suffix in USD_SUFFIXES:
+            shapes = mesh.vertices[None]
+            write_usd(temporary, shapes, mesh.faces, document, name=target.stem, up=up)
+            return
         temporary.write_bytes(document.write(mesh.vertices, target.suffix))
+
+
+def check_mesh_output(path: str | Path) -> None:
+    """Check, before there is a mesh, that `save_mesh` can write it to `path`.
+
+    Raises:
+        InputError: as `save_mesh` would raise.
+    """
+    target = checked_path(path, "path")
+    known = (*MESH_SUFFIXES, *USD_SUFFIXES)
+    if target.suffix.lower() not in known:
+        raise InputError(
+            f"{target}: got suffix {target.suffix!r}, expected one of {', '.join(known)} for a "
+            "single mesh; correct the name"
+        )
+    if target.suffix.lower() in USD_SUFFIXES:
+        usd_library(target)
+    check_output_file(target)
 
 
 def document_of(like: object) -> Document | None:

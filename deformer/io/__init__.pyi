@@ -55,6 +55,7 @@ from .meshes import (
     check_shapes_output as check_shapes_output,
     mesh_bytes as mesh_bytes,
     save_mesh as save_mesh,
+    save_shape_files as save_shape_files,
     save_shapes as save_shapes,
     write_npz as write_npz,
 )
@@ -70,3 +71,4 @@ from .tensors import (
     read_tensors as read_tensors,
     write_tensors as write_tensors,
 )
+from .usd_modules import usd_library as usd_library

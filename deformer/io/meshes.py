@@ -95,14 +95,40 @@ def save_shapes(path: PathLike, shapes: MeshSequence, format: str = "ply") -> No
     check_shapes_output(target)
     if target.suffix.lower() == ".npz":
         write_npz(target, {"vertices": shapes.vertices, "faces": shapes.faces})
-        return
+    else:
+        save_shape_files(target, shapes, format)
+
+
+def save_shape_files(
+    path: PathLike,
+    shapes: MeshSequence,
+    format: str,
+    write: Callable[[FloatArray, str], bytes] | None = None,
+) -> None:
+    """Write a sequence as a directory of files, as `save_shapes` does.
+
+    Args:
+        path: the directory.
+        shapes: the sequence.
+        format: as of `save_shapes`.
+        write: contents of a file of vertices (V, 3) and a suffix; None for positions and triangles
+            alone.
+
+    Raises:
+        InputError: as of `save_shapes`.
+    """
+    target = checked_path(path, "path")
     suffix = f".{format.lower().removeprefix('.')}"
     if suffix not in _WRITERS:
         raise InputError(f"{target}: format {format!r}, expected one of {_SUFFIX_LIST}; choose one")
     digits = max(4, len(str(len(shapes) - 1)))
     with locked(target, _WAIT), atomic_directory(target, _is_written) as work:
         for i, vertices in enumerate(shapes.vertices):
-            content = _WRITERS[suffix](vertices, shapes.faces)
+            content = (
+                _WRITERS[suffix](vertices, shapes.faces)
+                if write is None
+                else write(vertices, suffix)
+            )
             (work / f"{i:0{digits}d}{suffix}").write_bytes(content)
 
 

@@ -18,8 +18,8 @@ from deformer.io.atomic import check_file
 from deformer.io.parsing import checked_polygons, distinct
 from deformer.io.polygons import Polygons
 from deformer.io.sampling import check_room, frame_times
-from deformer.io.usd_library import usd_library
 from deformer.io.usd_meshes import UsdMesh
+from deformer.io.usd_modules import usd_library
 
 _log = logging.getLogger("deformer")
 # A stage has one time line, which is its only clip.

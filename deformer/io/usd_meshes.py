@@ -9,7 +9,7 @@ import numpy as np
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
 from deformer.io.polygons import Polygons
-from deformer.io.usd_library import usd_library
+from deformer.io.usd_modules import usd_library
 
 
 class UsdMesh:

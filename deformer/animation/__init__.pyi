@@ -1,0 +1,9 @@
+from .clips import (
+    Clip as Clip,
+    morph_glb as morph_glb,
+)
+from .saving import (
+    SavedShapes as SavedShapes,
+    check_shapes_output as check_shapes_output,
+    save_shapes as save_shapes,
+)

@@ -1,0 +1,211 @@
+"""Sequences of shapes written like the file that they came from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from deformer.animation.clips import Clip, morph_glb
+from deformer.animation.morphing import checked_tolerance, diagonal, morph_targets
+from deformer.animation.point_caches import write_mdd, write_pc2
+from deformer.checks import (
+    checked_choice,
+    checked_instance,
+    checked_number,
+    checked_path,
+    checked_text,
+)
+from deformer.documents import (
+    USD_SUFFIXES,
+    Document,
+    Like,
+    document_of,
+    save_mesh,
+    write_usd,
+)
+from deformer.errors import InputError
+from deformer.geometry import Mesh, MeshSequence
+from deformer.io import (
+    MESH_SUFFIXES,
+    atomic_path,
+    check_output_file,
+    check_shapes_output as check_bare_output,
+    load_mesh,
+    save_shape_files,
+    usd_library,
+    write_npz,
+)
+
+FPS = 24.0
+TOLERANCE = 1e-3
+CACHE_SUFFIXES = (".mdd", ".pc2")
+SEQUENCE_SUFFIXES = (".npz", ".glb", *CACHE_SUFFIXES, *USD_SUFFIXES)
+_MOST_FPS = 1e6
+
+
+@dataclass(frozen=True)
+class SavedShapes:
+    """What `save_shapes` has written.
+
+    Args:
+        files: the files, or the directory.
+        targets: number of morph targets; None for formats without.
+        principal: false if the targets are the shapes themselves, for as many were needed.
+        error: largest distance of a vertex from its place, as a share of the bounding-box diagonal
+            of the first shape; None for formats without morph targets.
+    """
+
+    files: tuple[Path, ...]
+    targets: int | None = None
+    principal: bool = True
+    error: float | None = None
+
+
+def save_shapes(
+    path: str | Path,
+    shapes: MeshSequence,
+    format: str | None = None,
+    like: Like | None = None,
+    *,
+    fps: float = FPS,
+    tolerance: float = TOLERANCE,
+    name: str | None = None,
+    up: str = "y",
+) -> SavedShapes:
+    """Write a sequence in the format of the suffix, or as a directory of files 0000, 0001, ….
+
+    - .npz: `vertices` (N, V, 3), `faces` (F, 3), and `names` if the shapes have some;
+    - .glb: morph targets, as few as the tolerance needs, and a clip of their weights; at rest the
+      mesh is the first shape;
+    - .mdd, .pc2: a point cache; the first shape is written beside it as a mesh of the same name,
+      unless there is one of the same connectivity;
+    - .usd, .usda, .usdc: a mesh with time samples, which needs the extra "usd";
+    - no suffix: a directory. An existing one is replaced as a whole if this function has written
+      all its files.
+
+    Args:
+        path: the file or directory.
+        shapes: the sequence.
+        format: "obj", "ply", "off", "stl" or "glb", for a directory; None is that of the document,
+            or PLY without one. See `save_mesh` on precision.
+        like: what the files have beside positions and triangles, as of `save_mesh`.
+        fps: frames a second.
+        tolerance: of a GLB, the largest distance of a vertex from its place, as a share of the
+            bounding-box diagonal of the first shape. Rounding to single precision comes on top.
+        name: of GLB and USD, name of the clip and of a mesh without a document; None is the stem
+            of the path.
+        up: of USD, "y" or "z", the axis that points up; coordinates stay as they are.
+
+    Returns:
+        the files, and the number and the error of the morph targets.
+
+    Raises:
+        InputError: an unknown suffix or format, a directory with other contents, a document of
+            another mesh, a parent that is missing or not writable, another mesh beside a point
+            cache, or a position too large for the format.
+    """
+    target = checked_path(path, "path")
+    checked_instance(shapes, "shapes", MeshSequence, remedy="make one of vertices and faces")
+    if format is not None:
+        checked_text(format, "format")
+    tolerance = checked_tolerance(tolerance)
+    fps = checked_number(fps, "fps", above=0, most=_MOST_FPS, remedy="give frames a second")
+    up = checked_choice(up, "up", ("y", "z"))
+    label = target.stem if name is None else checked_text(name, "name")
+    document = document_of(like)
+    if document is not None:
+        document.check_fits(shapes.vertices.shape[1], shapes.faces)
+    check_shapes_output(target)
+    suffix = target.suffix.lower()
+    if suffix == ".glb":
+        return _save_clip(target, shapes, document, label, fps, tolerance)
+    if suffix in CACHE_SUFFIXES:
+        return _save_cache(target, shapes, document, fps)
+    if suffix in USD_SUFFIXES:
+        with atomic_path(target) as temporary:
+            write_usd(
+                temporary, shapes.vertices, shapes.faces, document, name=label, up=up, fps=fps
+            )
+    elif suffix == ".npz":
+        named = {"names": np.array(shapes.names)} if shapes.names else {}
+        write_npz(target, {"vertices": shapes.vertices, "faces": shapes.faces, **named})
+    else:
+        chosen = format or ("ply" if document is None else document.suffix)
+        save_shape_files(target, shapes, chosen, _writer(shapes, document))
+    return SavedShapes((target,))
+
+
+def check_shapes_output(path: str | Path) -> None:
+    """Check, before there are shapes, that `save_shapes` can write them to `path`.
+
+    Raises:
+        InputError: as `save_shapes` would raise.
+    """
+    target = checked_path(path, "path")
+    suffix = target.suffix.lower()
+    if suffix in USD_SUFFIXES:
+        usd_library(target)
+    if suffix in SEQUENCE_SUFFIXES:
+        check_output_file(target)
+    elif suffix in MESH_SUFFIXES:
+        raise InputError(
+            f"{target}: names one mesh file, expected one of {', '.join(SEQUENCE_SUFFIXES)} or a "
+            "directory for a sequence; leave the suffix out or give another"
+        )
+    else:
+        check_bare_output(target)
+
+
+def _writer(shapes: MeshSequence, document: Document | None) -> Callable | None:
+    """What writes one shape of a directory; None for positions and triangles alone."""
+    if document is None:
+        return None
+    return lambda vertices, suffix: document.write(vertices, suffix)
+
+
+def _save_clip(
+    path: Path,
+    shapes: MeshSequence,
+    document: Document | None,
+    name: str,
+    fps: float,
+    tolerance: float,
+) -> SavedShapes:
+    size = diagonal(shapes.vertices[0])
+    found = morph_targets(shapes.vertices, tolerance * size, shapes.names)
+    times = np.arange(len(shapes)) / fps
+    clips = [Clip(name, times, found.weights)] if len(found.targets) else []
+    data = morph_glb(found.base, shapes.faces, found.targets, found.names, clips, document, name)
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(data)
+    error = found.error / size if size > 0 else found.error
+    return SavedShapes((path,), len(found.targets), found.principal, error)
+
+
+def _save_cache(
+    path: Path, shapes: MeshSequence, document: Document | None, fps: float
+) -> SavedShapes:
+    kind = ".obj" if document is None or document.suffix not in (".obj", ".ply") else None
+    base = path.with_suffix(kind or (document.suffix if document else ".obj"))
+    there = base.exists()
+    if there:
+        mesh = load_mesh(base)
+        if not (
+            len(mesh.vertices) == shapes.vertices.shape[1]
+            and np.array_equal(mesh.faces, shapes.faces)
+        ):
+            raise InputError(
+                f"{base}: is another mesh, expected that of the point cache {path.name} beside it; "
+                "choose another name for the cache, or move the mesh away"
+            )
+    with atomic_path(path) as temporary:
+        if path.suffix.lower() == ".mdd":
+            write_mdd(temporary, shapes.vertices, fps)
+        else:
+            write_pc2(temporary, shapes.vertices)
+    if not there:
+        save_mesh(base, Mesh(shapes.vertices[0], shapes.faces), document)
+    return SavedShapes((path, base))
