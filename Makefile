@@ -33,11 +33,11 @@ test-processors: .venv/test.stamp
 	  NUMBA_CACHE_DIR=$(CURDIR)/.venv/kernels-generic $(CALM) $(BIN)/pytest -n $(WORKERS) $(QUICK)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 taskset -c 0 $(BIN)/pytest $(QUICK)
 
-# Other programs read what this one writes: Blender as a Python module (3.11), and the Khronos
-# validator, which node runs. Hundreds of megabytes are downloaded once.
+# Other programs read what this one writes: Blender as a Python module (3.11), and, in
+# node, three.js and the Khronos validator. Hundreds of megabytes are downloaded once.
 interop: .venv/test.stamp .venv-interop/run.stamp
 	DEFORMER_BLENDER_PYTHON=$(CURDIR)/.venv-interop/bin/python \
-	  DEFORMER_GLTF_VALIDATOR=$(CURDIR)/.venv-interop $(CALM) $(BIN)/pytest tests/interop
+	  DEFORMER_NODE_FOLDER=$(CURDIR)/.venv-interop $(CALM) $(BIN)/pytest tests/interop
 
 # New damaged files for every reader, for so many minutes; inputs that fail are kept.
 FUZZ_MINUTES ?= 20
@@ -74,7 +74,8 @@ INTEROP_PYTHON ?= python3.11
 .venv-interop/run.stamp: constraints-interop.txt
 	test -x .venv-interop/bin/python || $(INTEROP_PYTHON) -m venv .venv-interop
 	.venv-interop/bin/python -m pip install --quiet --constraint constraints-interop.txt bpy
-	npm install --silent --no-fund --no-audit --prefix .venv-interop gltf-validator@2.0.0-dev.3.10
+	npm install --silent --no-fund --no-audit --prefix .venv-interop \
+	  gltf-validator@2.0.0-dev.3.10 three@0.187.0
 	touch $@
 
 clean:

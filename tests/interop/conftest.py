@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 HERE = Path(__file__).parent
-# Python with bpy, and a folder with node_modules/gltf-validator.
-BLENDER, VALIDATOR = "DEFORMER_BLENDER_PYTHON", "DEFORMER_GLTF_VALIDATOR"
+# Python with bpy, and a folder with the node_modules gltf-validator and three.
+BLENDER, NODE = "DEFORMER_BLENDER_PYTHON", "DEFORMER_NODE_FOLDER"
 
 
 @dataclass
@@ -54,9 +54,9 @@ def blender(tmp_path_factory):
 @pytest.fixture(scope="session")
 def validated():
     """Checks that the Khronos validator has nothing to say of a GLB file."""
-    folder = os.environ.get(VALIDATOR)
+    folder = os.environ.get(NODE)
     if not folder:
-        pytest.skip(f"{VALIDATOR} names no folder with the validator: make interop")
+        pytest.skip(f"{NODE} names no folder with the validator: make interop")
 
     def check(path):
         environment = os.environ | {"NODE_PATH": str(Path(folder) / "node_modules")}
@@ -65,6 +65,21 @@ def validated():
         assert issues["numErrors"] == issues["numWarnings"] == 0, issues["messages"][:5]
 
     return check
+
+
+@pytest.fixture(scope="session")
+def three():
+    """(path, times in seconds) → positions (times, V, 3) as three.js plays a GLB file."""
+    folder = os.environ.get(NODE)
+    if not folder:
+        pytest.skip(f"{NODE} names no folder with three.js: make interop")
+
+    def played(path, times):
+        modules = Path(folder) / "node_modules"
+        command = ["node", str(HERE / "in_three.mjs"), str(modules), str(path), *map(str, times)]
+        return np.array(json.loads(_run(command)))
+
+    return played
 
 
 @pytest.fixture(scope="session")

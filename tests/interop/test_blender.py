@@ -5,7 +5,6 @@ import pytest
 
 import deformer
 import tubes
-from deformer import MeshSequence
 from shapes import small_model
 
 TOLERANCE = 1e-5
@@ -57,13 +56,15 @@ def test_a_posed_document(tube, suffix, tmp_path, blender):
         np.testing.assert_allclose(spans, [[1 / 8, 1 / 4]] * 32, atol=1e-4)
 
 
-def test_a_rig_plays_as_it_poses(tmp_path, blender, validated):
+def test_a_rig_plays_as_it_poses(tmp_path, blender, three, validated):
     rig = deformer.rig(small_model(), bones=6)
     rig.save(tmp_path / "rig.glb", fps=24.0)
     validated(tmp_path / "rig.glb")
     frames = [0, 2, len(rig.clip) - 1]
+    poses = rig.pose(rig.clip[frames])
+    assert_near(three(tmp_path / "rig.glb", [frame / 24 for frame in frames]), poses)
     found = blender(tmp_path / "rig.glb", frames)
-    assert_near(found.vertices, upright(rig.pose(rig.clip[frames])))
+    assert_near(found.vertices, upright(poses))
     assert set(rig.names) <= set(found.mesh["bones"])
     assert set(found.mesh["groups"]) == set(rig.names)
 
@@ -77,10 +78,3 @@ def test_a_bare_mesh(suffix, tmp_path, blender, validated):
     assert_near(found, mesh.vertices if suffix == ".ply" else upright(mesh.vertices))
     if suffix == ".glb":
         validated(path)
-
-
-def shapes():
-    bends = np.linspace(0, 1.2, 9)
-    faces = np.array(tubes.quads())
-    triangles = np.concatenate([faces[:, :3], faces[:, [0, 2, 3]]])
-    return MeshSequence(np.stack([tubes.positions(bend) for bend in bends]), triangles)
