@@ -36,6 +36,7 @@ from deformer.errors import InputError
 from deformer.geometry import FARTHEST, FloatArray, IntArray, Mesh, checked_faces
 from deformer.io import (
     SHAPE_SUFFIXES,
+    GltfScene,
     load_mesh,
     mesh_bytes,
     packed_gltf,
@@ -210,12 +211,17 @@ def load_document(path: str | Path) -> Document | None:
         if suffix not in (*SHAPE_SUFFIXES, ".npz"):
             load_mesh(file)
         return None
-    mesh = load_mesh(file)
+    if suffix in (".glb", ".gltf"):
+        scene = GltfScene(read_gltf(file))
+        count, faces = scene.vertex_count, scene.faces
+    else:
+        mesh = load_mesh(file)
+        count, faces = len(mesh.vertices), mesh.faces
     data = read_bytes(file)
     if suffix == ".gltf" or (suffix == ".glb" and _has_other_files(file)):
         suffix, data = ".glb", packed_gltf(file)
     colours = _library_colours(file, data) if suffix == ".obj" else {}
-    return Document(suffix, data, file.stem, len(mesh.vertices), mesh.faces, colours)
+    return Document(suffix, data, file.stem, count, faces, colours)
 
 
 def _has_other_files(file: Path) -> bool:

@@ -25,10 +25,13 @@ def assert_same_places(found, expected):
         assert apart.min(axis=0).max() < TOLERANCE * diagonal
 
 
-def test_shape_keys_are_shapes(exported, true):
+def test_shape_keys_are_shapes(exported, true, caplog):
     shapes = deformer.load_shapes(exported / "keys.glb")
     assert list(shapes.names) == ["base", "bend", "flat"]
     assert_same_places(shapes.vertices[1:] @ UP, true["keys"])
+    assert not caplog.records
+    assert deformer.load_document(exported / "keys.glb") is not None
+    assert not caplog.records  # a document has nothing to say of its targets
 
 
 def test_a_skin_that_moves_is_shapes(exported, true):
