@@ -26,6 +26,7 @@ from .runner import (
     evaluate as evaluate,
 )
 from .sources import (
+    Reading as Reading,
     Source as Source,
 )
 from .splits import (

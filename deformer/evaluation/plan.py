@@ -102,11 +102,15 @@ class Study:
                 raise InputError(f"{name}: expected numbers of at least 1, got {list(values)}")
 
     def drawn_splits(self) -> tuple[Split, ...]:
-        """The given splits, or, if `splits` is a number, as many with the seeds 0, 1, …"""
-        if not isinstance(self.splits, int):
-            return self.splits
-        draw = sequence_split if self.source.ordered else random_split
-        return tuple(draw(self.source.count, seed) for seed in range(self.splits))
+        """The given splits, or, if `splits` is a number, as many with the seeds 0, 1, …
+
+        All train on the source's reference.
+        """
+        splits = self.splits
+        if isinstance(splits, int):
+            draw = sequence_split if self.source.ordered else random_split
+            splits = tuple(draw(self.source.count, seed) for seed in range(splits))
+        return tuple(self.source.with_reference(split) for split in splits)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -25,7 +25,21 @@ from deformer.geometry import (
     farthest_points,
     find_seams,
 )
-from deformer.io import load_shapes
+from deformer.io import load_shapes, with_reference
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Options of reading shapes.
+
+    Args:
+        fps, clip: as of `load_shapes`.
+        reference: as of `io.with_reference`; None for none.
+    """
+
+    fps: float | None = None
+    clip: str | None = None
+    reference: str | None = None
 
 
 @dataclass(frozen=True)
@@ -43,6 +57,9 @@ class Source:
         ordered: true when the shapes are frames in order of time.
         align: true to remove each shape's rigid motion against the reference.
         up: axis that points up in pictures.
+        reading: what the path is read with.
+        reference: index of the undeformed shape, on which every split trains; None is the first
+            training shape.
     """
 
     name: str
@@ -54,25 +71,47 @@ class Source:
     ordered: bool = False
     align: bool = False
     up: str = "y"
+    reading: Reading = field(default_factory=Reading)
+    reference: int | None = None
 
     @classmethod
     def at(
-        cls, name: str, path: str, *, ordered: bool = False, align: bool = False, up: str = "y"
+        cls,
+        name: str,
+        path: str,
+        *,
+        ordered: bool = False,
+        align: bool = False,
+        up: str = "y",
+        reading: Reading | None = None,
     ) -> Source:
         """The data set at `path`, which is read for its fingerprint.
 
         Raises:
-            InputError: the data set cannot be read.
+            InputError: the data set cannot be read, or has no such reference.
         """
-        shapes, seams = _load(path)
+        reading = Reading() if reading is None else reading
+        shapes, seams, reference = _load(path, reading)
         digest = hashlib.sha256(np.ascontiguousarray(shapes.vertices).tobytes())
         digest.update(np.ascontiguousarray(shapes.faces).tobytes())
+        if reference is not None:
+            digest.update(f"reference {reference}".encode())
         V, digits = shapes.vertices.shape[1], digest.hexdigest()[:16]
-        return cls(name, path, len(shapes), V, len(seams.closed), digits, ordered, align, up)
+        return cls(
+            name, path, len(shapes), V, len(seams.closed), digits, ordered, align, up, reading,
+            reference,
+        )  # fmt: skip
+
+    def with_reference(self, split: Split) -> Split:
+        """A split that trains on the reference, wherever it was."""
+        if self.reference is None or self.reference in split.train:
+            return split
+        test = tuple(n for n in split.test if n != self.reference)
+        return Split((self.reference, *split.train), test)
 
     def closed_vertices(self, vertices: Sequence[int]) -> tuple[int, ...]:
         """Vertices of the surface without seams, each once, from vertices of the files."""
-        closed = _load(self.path)[1].closed[list(vertices)]
+        closed = _load(self.path, self.reading)[1].closed[list(vertices)]
         return tuple(dict.fromkeys(closed.tolist()))
 
 
@@ -118,8 +157,11 @@ def load_split(
     Raises:
         InputError: the data set cannot be read.
     """
-    shapes, _ = _load(source.path)
-    train, held_out = shapes.subset(split.train), shapes.vertices[list(test)]
+    shapes, _, reference_index = _load(source.path, source.reading)
+    order = list(split.train)
+    if reference_index is not None:
+        order = [reference_index, *(n for n in order if n != reference_index)]
+    train, held_out = shapes.subset(order), shapes.vertices[list(test)]
     reference = train.mesh(0)
     if source.align:
         train = MeshSequence(align(train.vertices, reference.vertices), shapes.faces)
@@ -132,8 +174,10 @@ def load_split(
 
 
 @lru_cache(maxsize=2)
-def _load(path: str) -> tuple[MeshSequence, Seams]:
-    """Shapes without seams, and the seams of the files."""
-    shapes = load_shapes(path)
+def _load(path: str, reading: Reading) -> tuple[MeshSequence, Seams, int | None]:
+    """Shapes without seams, the seams of the files, and the index of the reference."""
+    shapes, reference = load_shapes(path, fps=reading.fps, clip=reading.clip), None
+    if reading.reference is not None:
+        shapes, reference = with_reference(shapes, reading.reference)
     seams = find_seams(shapes.vertices)
-    return seams.close_shapes(shapes), seams
+    return seams.close_shapes(shapes), seams, reference

@@ -24,7 +24,7 @@ from deformer.evaluation.plan import Study, make_plan
 from deformer.evaluation.presets import QUICK, paper_sources, paper_studies
 from deformer.evaluation.protocols import errors_by_rotation, largest_rotations, sparse_control
 from deformer.evaluation.runner import evaluate
-from deformer.evaluation.sources import Source, load_split
+from deformer.evaluation.sources import Reading, Source, load_split
 from deformer.evaluation.splits import Split, limit_test_shapes, random_split, sequence_split
 from deformer.evaluation.summary import summarise
 from deformer.network.config import PRESETS
@@ -94,6 +94,25 @@ def test_splits_of_the_paper():
     assert random_split(71, 0) == scape != random_split(71, 1)
     assert sequence_split(150, 3) != swing
     assert sequence_split(48, 0).train[-1] >= 40
+
+
+def test_every_split_trains_on_the_reference_that_is_named(bar, tmp_path):
+    plain = Source.at("bar", bar)
+    source = Source.at("bar", bar, reading=Reading(reference="20"))
+    assert source.reference == 20 and source.fingerprint != plain.fingerprint
+    shapes = deformer.load_shapes(bar)
+    for split in study(source, "pca", splits=6).drawn_splits():
+        assert 20 in split.train and 20 not in split.test
+        data = load_split(source, split, split.test)
+        np.testing.assert_array_equal(data.reference.vertices, shapes.vertices[20])
+        np.testing.assert_array_equal(data.train.vertices[0], shapes.vertices[20])
+        assert len(data.train) == len(split.train)
+    given = (Split((1, 2, 3), (20, 21)),)
+    (split,) = study(source, "pca", splits=given).drawn_splits()
+    assert split == Split((1, 2, 3, 20), (21,))
+    deformer.save_mesh(tmp_path / "rest.ply", shapes.mesh(5))
+    source = Source.at("bar", bar, reading=Reading(reference=str(tmp_path / "rest.ply")))
+    assert (source.count, source.reference) == (25, 0)
 
 
 def test_a_split_keeps_its_parts_apart():

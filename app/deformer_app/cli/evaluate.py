@@ -9,7 +9,17 @@ from typing import Annotated
 import typer
 
 from deformer_app import console
-from deformer_app.cli.arguments import MOST_EPOCHS, MOST_RUNS, Json, examples, numbers, words
+from deformer_app.cli.arguments import (
+    MOST_EPOCHS,
+    MOST_RUNS,
+    Clip,
+    Fps,
+    Json,
+    Reference,
+    examples,
+    numbers,
+    words,
+)
 
 app = typer.Typer()
 
@@ -126,6 +136,9 @@ def evaluate(
         int | None, typer.Option(min=1, help="Measure on at most so many test shapes.")
     ] = None,
     processes: Annotated[int, typer.Option(min=1, max=MOST_RUNS, help="Trainings at a time.")] = 1,
+    reference: Reference = None,
+    fps: Fps = None,
+    clip: Clip = None,
     as_json: Json = False,
 ) -> None:
     """Measure how well methods recover shapes that they have not seen; write tables and a report.
@@ -149,6 +162,9 @@ def evaluate(
         epochs=epochs,
         tests=tests,
         layout=layout,
+        reference=reference,
+        fps=fps,
+        clip=clip,
     )
     chosen = preset.value if preset else None
     try:

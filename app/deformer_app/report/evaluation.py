@@ -15,7 +15,16 @@ from typing import Any
 
 import deformer
 from deformer import evaluation, io
-from deformer.evaluation import QUICK, Setting, Source, Split, Study, paper_sources, paper_studies
+from deformer.evaluation import (
+    QUICK,
+    Reading,
+    Setting,
+    Source,
+    Split,
+    Study,
+    paper_sources,
+    paper_studies,
+)
 from deformer_app.report import report
 
 _PACKAGES = ("deformer", "numpy", "scipy", "torch", "numba", "libigl", "potpourri3d", "pyvista")
@@ -29,6 +38,10 @@ _WRITTEN = {
     "run.json": rb'\{\s*"command": "',
     "report.html": rb'.*<meta name="generator" content="deformer">',
 }
+
+
+# Options of how shapes are read, which the paper's preset has itself.
+_READ = ("sequence", "align", "up", "layout", "reference", "fps", "clip")
 
 
 @dataclass(frozen=True)
@@ -48,6 +61,9 @@ class Options:
     epochs: int | None = None
     tests: int | None = None
     layout: Path | None = None
+    reference: str | None = None
+    fps: float | None = None
+    clip: str | None = None
 
     def given(self) -> dict[str, Any]:
         """Options of `Study` that the user has set."""
@@ -138,6 +154,7 @@ def _studies(paths: list[str], options: Options, preset: str | None) -> list[Stu
             ordered=options.sequence,
             align=options.align,
             up=options.up or "y",
+            reading=Reading(options.fps, options.clip, options.reference),
         )
         for name, path in named.items()
     ]
@@ -222,7 +239,7 @@ def _model_study(path: str, source: Source, options: Options, chosen: dict[str, 
 
 def _paper(paths: list[str], options: Options) -> list[Study]:
     given = set(options.given()) - {"methods", "epochs", "tests"}
-    flags = [name for name in ("sequence", "align", "up", "layout") if getattr(options, name)]
+    flags = [name for name in _READ if getattr(options, name) not in (None, False)]
     if options.split_files:
         flags.append("split")
     if given or flags:
@@ -267,6 +284,7 @@ def _facts(study: Study) -> dict[str, Any]:
         "shapes": study.source.count,
         "ordered": study.source.ordered,
         "align": study.source.align,
+        "reference": study.source.reference,
         "methods": study.methods,
         "protocols": study.protocols,
         "components": study.components,

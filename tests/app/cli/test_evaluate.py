@@ -128,6 +128,7 @@ def test_split_files_and_several_sets(run, folder):
         (["bar.npz", "--split", "missing.json"], "missing.json: does not exist"),
         (["bar.npz", "--preset", "paper"], "expected one folder"),
         ([".", "--preset", "paper"], "holds none of scape-obj"),
+        ([".", "--preset", "paper", "--clip", "0"], "--clip does not go with --preset paper"),
         ([".", "--preset", "paper", "--counts", "5"], "--counts does not go with --preset paper"),
         (["humanoid"], "expected sets of shapes"),
     ],
