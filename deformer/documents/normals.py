@@ -9,6 +9,8 @@ from deformer.geometry import FloatArray, IntArray
 
 # Stored normals of coincident vertices that agree to this are one normal, split at a seam.
 _SAME_NORMAL = 2e-3
+# Twice the area of a polygon by the sum of its squared edges, below which it counts for less.
+_SLIVER = 0.02
 
 
 def present(values: FloatArray) -> NDArray[np.bool_]:
@@ -26,7 +28,7 @@ def mean_normals(
     """Unit normals (G, 3) of groups of corners: the mean of their polygons' normals.
 
     Every polygon's normal is weighted by its angle at the corner, so that the result does not
-    depend on how a flat face is cut into polygons.
+    depend on how a flat face is cut into polygons; slivers count for less.
 
     Args:
         vertices: (V, 3) positions.
@@ -49,7 +51,10 @@ def mean_normals(
     local = here - np.repeat(here[np.cumsum(counts) - counts], counts, axis=0)
     areas = np.zeros((len(counts), 3))
     np.add.at(areas, polygon, np.cross(local, local[after]))
-    normals = _unit(areas)[polygon]
+    # The normals of slivers are noise, and one of their angles is large.
+    edges = np.bincount(polygon, weights=(ahead**2).sum(axis=1))
+    shape = np.linalg.norm(areas, axis=1) / np.where(edges > 0, edges, 1.0)
+    normals = (np.minimum(shape / _SLIVER, 1.0)[:, None] * _unit(areas))[polygon]
     across = np.linalg.norm(np.cross(ahead, back), axis=1)
     angles = np.arctan2(across, (ahead * back).sum(axis=1))
     chosen = groups >= 0

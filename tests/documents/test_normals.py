@@ -21,6 +21,15 @@ def test_a_smooth_corner_of_a_cube_points_along_the_diagonal_however_its_sides_a
         np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
+def test_slivers_do_not_turn_normals():
+    """A face cut through three vertices on a line, one of which is off by rounding."""
+    points = np.array([[0.0, 0, 0], [1, 0, 1e-9], [2, 0, 0], [1, 1, 0], [1, -1, 0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3], [0, 4, 1], [1, 4, 2]])
+    corners = faces.ravel()
+    found = mean_normals(points, np.full(4, 3), corners, corners, 5)
+    np.testing.assert_allclose(found, np.tile([0.0, 0, 1], (5, 1)), atol=1e-6)
+
+
 def test_a_group_that_is_one_side_has_its_normal_and_an_unused_one_none():
     counts, corners = np.full(6, 4), np.array(SIDES).ravel()
     groups = np.where(np.arange(24) < 4, 0, -1)
