@@ -80,7 +80,7 @@ class SettingsSearch:
         fits = len(HANDLE_COUNTS) * len(HANDLE_MISFITS)
         self._misfit_work = [self._epochs + fits * len(turn) for turn in self._turns]
         self._total = len(self._sparsities) * self._noise_work + sum(self._misfit_work)
-        self._done = 0
+        self._done, self._reported = 0, False
 
     def run(self) -> tuple[ModelConfig, float, tuple[float, float]]:
         """The configuration with its λ₁, and handle noise and misfits in bounding diagonals.
@@ -97,7 +97,7 @@ class SettingsSearch:
             )
             noise = HANDLE_NOISES[int(found.argmin())]
         misfits = self._misfits(sparsity, noise)
-        if self._done < self._total:
+        if self._reported and self._done < self._total:
             self._report(self._total - self._done)
         return self._config.with_training(sparsity=sparsity), noise, misfits
 
@@ -185,7 +185,7 @@ class SettingsSearch:
             self._report()
 
     def _report(self, work: int = 1) -> None:
-        self._done += work
+        self._done, self._reported = self._done + work, True
         if self._on_progress is not None:
             self._on_progress(TrainingProgress("cross-validation", self._done, self._total))
 

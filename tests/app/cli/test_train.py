@@ -139,7 +139,7 @@ def test_resuming_looks_at_the_checkpoint_first(refuse, run, shapes_path, tmp_pa
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 @pytest.mark.parametrize(
     "moment",
-    ["features 2/12", "features 12/12", "cross-validation 4", "cross-validation 9", "training 1/4",
+    ["features 2/12", "features 12/12", "cross-validation 4", "cross-validation 7", "training 1/4",
      "training 4/4"],
 )  # fmt: skip
 def test_ctrl_c_at_any_moment_is_told_and_goes_on(run, shapes_path, tmp_path, moment):
