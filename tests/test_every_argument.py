@@ -37,13 +37,14 @@ JUNK = [
 ]
 # Classes that hold results, types, and packages: nobody calls them with values of their own.
 RESULTS = {
-    *("Layout", "Rig", "SavedShapes"),
+    *("Layout", "Rig", "SavedShapes", "ComponentKeys"),
     *("Component", "Finding", "Pose", "Repair", "Report", "SequenceFit", "ShapePath", "Symmetry"),
     *("TrainingProgress", "Uncertainty", "DeformationModel", "BlendSpace", "InputError"),
     *("baselines", "evaluation", "io"),
 }
 # Functions without arguments, or of `io` with callbacks and tested in tests/io.
 OTHERS = {
+    "SEQUENCE_SUFFIXES",
     *("shipped_models", "io.MESH_SUFFIXES", "io.LARGEST", "io.JsonValue", "io.HandleFile"),
     *(
         "io.HandleTarget",
@@ -116,6 +117,7 @@ def calls(tmp_path_factory):
         "check_model_folder": (folder / "new",),
         "check_shapes_output": (folder / "o.npz",),
         "check_resumable": {"checkpoint": folder / "checkpoint"},
+        "component_keys": (model, [0], 0.1),
         "draw_codes": (model, 2, 0, 1.0),
         "e_rms": (shapes.vertices, shapes.vertices, "none"),
         "examine": (shapes, None),

@@ -11,6 +11,10 @@ from .interpolation import (
     ShapePath as ShapePath,
     interpolate as interpolate,
 )
+from .shape_keys import (
+    ComponentKeys as ComponentKeys,
+    component_keys as component_keys,
+)
 from .synthesis import (
     BlendSpace as BlendSpace,
     Synthesis as Synthesis,

@@ -50,6 +50,23 @@ Clip = Annotated[
         show_default=False,
     ),
 ]
+OutputFps = Annotated[
+    float, typer.Option("--fps", min=0.001, max=1e6, help="Of sequences: frames a second.")
+]
+Tolerance = Annotated[
+    float,
+    typer.Option(
+        min=0,
+        help="Of a GLB clip: the largest distance of a vertex from its place, as a share of the "
+        "diagonal; it has as few morph targets as that allows.",
+    ),
+]
+ClipName = Annotated[
+    str | None,
+    typer.Option(
+        "--name", help="Of a GLB clip and USD: its name.  [default: the file's]", show_default=False
+    ),
+]
 Bare = Annotated[
     bool,
     typer.Option(

@@ -81,6 +81,51 @@ def run(
     return {**result, "files": files}
 
 
+def write_keys(
+    model_name: str, path: Path, top: int | None, tolerance: float, bare: bool
+) -> dict[str, Any]:
+    """Write components as shape keys of a GLB file.
+
+    Args:
+        model_name: name of a shipped model, or a path.
+        path: the file.
+        top: number of components, the strongest first; None is all.
+        tolerance: as of `deformer.component_keys`.
+        bare: write positions and triangles alone, and not like the model's document.
+
+    Returns:
+        the number of keys and the error of each component.
+    """
+    if path.suffix.lower() != ".glb":
+        raise deformer.InputError(f"{path}: got suffix {path.suffix!r}, expected .glb; correct it")
+    io.check_output_file(path)
+    model = deformer.load_model(model_name)
+    chosen = deformer.Activations(model).order[:top].tolist()
+    keys = deformer.component_keys(model, chosen, tolerance)
+    keys.save(path, bare)
+    return {
+        "file": str(path),
+        "keys": len(keys.names),
+        "components": [
+            {"index": k, "label": model.label(k), "keys": keys.components.count(k), "error": error}
+            for k, error in keys.errors.items()
+        ],
+    }
+
+
+def show_keys(result: dict[str, Any]) -> None:
+    """Print the result of `write_keys`."""
+    rows = [
+        [_key(c["index"], c["label"]), str(c["keys"]), f"{c['error']:.2g}"]
+        for c in result["components"]
+    ]
+    console.show_table(
+        f"Shape keys in {result['file']}; errors as shares of the diagonal",
+        ["component", "keys", "largest error"],
+        rows,
+    )
+
+
 def heat_maps(
     analysis: ComponentAnalysis, found: list[Component], up: str, size: tuple[int, int] = TILE
 ) -> Iterator[Picture]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,23 +16,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from deformer import DeformationModel
-
-
-def check_output(path: Path, is_sequence: bool) -> None:
-    """Raise InputError, before any work, if the output cannot be written to `path`."""
-    suffix = path.suffix.lower()
-    one_mesh = suffix in io.MESH_SUFFIXES
-    if is_sequence and one_mesh:
-        raise deformer.InputError(
-            f"{path}: names one mesh file, but the handles are a sequence; name an .npz file or a "
-            "directory"
-        )
-    if not is_sequence and not one_mesh:
-        raise deformer.InputError(
-            f"{path}: got suffix {suffix!r}, expected one of {', '.join(io.MESH_SUFFIXES)} for a "
-            "single pose"
-        )
-    io.check_shapes_output(path) if is_sequence else io.check_output_file(path)
 
 
 def chosen_noise(option: float | None, handles: io.HandleFile) -> float | None:
@@ -141,19 +123,6 @@ def sequence(
         "frames": frames,
     }
     return found.vertices, record
-
-
-def save(path: Path, model: DeformationModel, vertices: NDArray, bare: bool) -> None:
-    """Write one pose (V, 3) as a mesh, or a sequence (F, V, 3) as NPZ or as a directory.
-
-    The mesh is written like the model's document, unless it shall be `bare`.
-    """
-    faces = model.reference.faces
-    if vertices.ndim == 3:
-        io.save_shapes(path, deformer.MeshSequence(vertices, faces))
-    else:
-        mesh = deformer.Mesh(vertices, faces)
-        deformer.save_mesh(path, mesh, like=None if bare else model)
 
 
 def _tracks(

@@ -24,10 +24,13 @@ from deformer_app.cli.arguments import (
     MOST_SEED,
     Bare,
     Clip,
+    ClipName,
     Fps,
     Json,
+    OutputFps,
     Reference,
     Shapes,
+    Tolerance,
     examples,
     refuse_inputs,
 )
@@ -267,6 +270,7 @@ def info(
     epilog=examples(
         "deformer fit humanoid handles.json -o pose.ply",
         "deformer fit walk-model frames.json -o poses.npz --hard",
+        "deformer fit walk-model frames.json -o walk.glb --fps 30",
         "deformer fit --session edited.json -o pose.ply",
     )
 )
@@ -276,8 +280,8 @@ def fit(
         typer.Option(
             "-o",
             "--output",
-            help="One pose: a mesh file (.obj .ply .off .stl .glb). A sequence: .npz or a "
-            "directory of PLY files.",
+            help="One pose: a mesh file (.obj .ply .off .stl .glb .usd). A sequence: a clip "
+            "(.glb), a point cache (.mdd .pc2), .usd, .npz, or a directory of mesh files.",
         ),
     ],
     model: Annotated[
@@ -325,6 +329,9 @@ def fit(
         ),
     ] = None,
     bare: Bare = False,
+    fps: OutputFps = 24.0,
+    tolerance: Tolerance = 1e-3,
+    name: ClipName = None,
     as_json: Json = False,
 ) -> None:
     """Pose a model by handles: where a few points of its surface should be.
@@ -333,7 +340,7 @@ def fit(
     """
     import deformer
     from deformer import io
-    from deformer_app.cli import fit as fitting
+    from deformer_app.cli import fit as fitting, outputs
 
     refuse_inputs(output, model, handles, session)
     if noise is not None and (hard or session is not None):
@@ -349,7 +356,7 @@ def fit(
     loaded = deformer.load_model(model)
     reference = loaded.reference
     file = io.load_handles(handles, len(reference.vertices), reference.faces)
-    fitting.check_output(output, file.is_sequence)
+    outputs.check_output(output, file.is_sequence)
     noise = fitting.chosen_noise(noise, file)
     if file.is_sequence:
         with io.locked(output), console.progress("fitting") as report:
@@ -363,10 +370,11 @@ def fit(
                 backend=backend,
                 progress=report,
             )
-            fitting.save(output, loaded, vertices, bare)
+            timing = outputs.Timing(fps, tolerance, name)
+            result |= outputs.save(output, loaded, vertices, bare, timing)
     else:
         vertices, result = fitting.pose(loaded, file, hard, noise)
-        fitting.save(output, loaded, vertices, bare)
+        outputs.save(output, loaded, vertices, bare)
     if as_json:
         warning = fitting.unit_warning(loaded, file)
         console.emit({**result, "warning": warning, "output": str(output)})
@@ -465,19 +473,19 @@ def _fit_session(
 ) -> None:
     """Write the pose that a session shows."""
     import deformer
-    from deformer_app.cli import fit as fitting
+    from deformer_app.cli import fit as fitting, outputs
     from deformer_app.viewer import pose_worker as posing
     from deformer_app.viewer.session import Session
 
     if handles is not None:
         raise deformer.InputError(f"fit: got both {handles} and --session; give one of them")
-    fitting.check_output(output, is_sequence=False)
+    outputs.check_output(output, is_sequence=False)
     session = Session.load(path)
     refuse_inputs(output, session.model.path)
     loaded = deformer.load_model(model or session.model.path)
     session.check_fits(loaded, path)
     pose = posing.replay(session, loaded)
-    fitting.save(output, loaded, pose.vertices, bare)
+    outputs.save(output, loaded, pose.vertices, bare)
     result = fitting.describe(pose)
     if as_json:
         console.emit({**result, "output": str(output)})

@@ -13,8 +13,11 @@ from deformer_app.cli.arguments import (
     MOST_SHAPES,
     MOST_VIEWS,
     Bare,
+    ClipName,
     Json,
     Model,
+    OutputFps,
+    Tolerance,
     examples,
     refuse_inputs,
 )
@@ -30,12 +33,25 @@ SHAPE_HELP = (
 
 @app.command(
     epilog=examples(
-        "deformer components humanoid -o components", "deformer components walk-model -o c --top 8"
+        "deformer components humanoid -o components",
+        "deformer components walk-model -o c --top 8",
+        "deformer components walk-model --glb keys.glb --top 8",
     )
 )
 def components(
     model: Model,
-    output: Annotated[Path, typer.Option("-o", "--output", help=FOLDER_HELP)],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help=FOLDER_HELP, show_default=False),
+    ] = None,
+    glb: Annotated[
+        Path | None,
+        typer.Option(
+            help="GLB file to write the components to as shape keys: each from -1 to 1, with "
+            "in-betweens, and a clip that sweeps it.",
+            show_default=False,
+        ),
+    ] = None,
     top: Annotated[
         int | None, typer.Option(min=1, help="Only so many, the strongest.  [default: all]")
     ] = None,
@@ -54,6 +70,14 @@ def components(
         ),
     ] = 16,
     bare: Bare = False,
+    tolerance: Annotated[
+        float,
+        typer.Option(
+            min=0,
+            help="Of --glb: the largest distance of a vertex from its path, as a share of the "
+            "diagonal; each component has as many in-betweens as that needs, up to 12 a side.",
+        ),
+    ] = 1e-3,
     as_json: Json = False,
 ) -> None:
     """Show what every latent component does: meshes, heat-mapped pictures, a table.
@@ -64,8 +88,22 @@ def components(
     from deformer_app.cli import components as analysing
 
     refuse_inputs(output, model)
+    refuse_inputs(glb, model)
+    if output is None and glb is None:
+        from deformer import InputError
+
+        raise InputError("components: expected -o DIRECTORY, --glb FILE or both; give one")
+    keys = None if glb is None else analysing.write_keys(model, glb, top, tolerance, bare)
+    if keys is not None and not as_json:
+        analysing.show_keys(keys)
+    if output is None:
+        if as_json and keys is not None:
+            console.emit(keys)
+        return
     with console.progress("components") as report:
         result = analysing.run(model, output, top, extreme_count, turntable, bare, report)
+    if keys is not None:
+        result["shape_keys"] = keys
     if as_json:
         console.emit(result)
         return
@@ -110,6 +148,7 @@ def name(
     epilog=examples(
         "deformer synthesize humanoid --weights 2=0.8,5=1.2 -o pose.ply",
         "deformer synthesize humanoid --sweep 2=-1:1:9 --sweep 5=0:1:9 -o sweeps",
+        "deformer synthesize humanoid --sweep 2=-1:1:49 -o sweep.glb --fps 24",
         "deformer synthesize humanoid --random 12 --seed 1 -o crowd",
         "deformer synthesize humanoid --from 17 --weights 2=0.5 --onto other-model -o pose.ply",
     )
@@ -121,8 +160,8 @@ def synthesize(
         typer.Option(
             "-o",
             "--output",
-            help="A mesh file (.obj .ply .off .stl .glb); a directory for sweeps and random "
-            "shapes.",
+            help="A mesh file (.obj .ply .off .stl .glb .usd). For sweeps and random shapes a "
+            "directory, or for one sweep a clip (.glb), a point cache (.mdd .pc2), .usd or .npz.",
         ),
     ],
     weights: Annotated[
@@ -166,14 +205,29 @@ def synthesize(
         typer.Option(help="Carry the deformation over to this model of the same connectivity."),
     ] = None,
     bare: Bare = False,
+    fps: OutputFps = 24.0,
+    tolerance: Tolerance = 1e-3,
+    name: ClipName = None,
     as_json: Json = False,
 ) -> None:
     """Make new shapes: components weighted, swept, or drawn at random."""
-    from deformer_app.cli import synthesis as synthesising
+    from deformer_app.cli import outputs, synthesis as synthesising
 
     refuse_inputs(output, model, start, onto)
+    timing = outputs.Timing(fps, tolerance, name)
     request = synthesising.Request(
-        model, output, weights, tuple(sweep or ()), random, seed, bound, start, spaces, onto, bare
+        model,
+        output,
+        weights,
+        tuple(sweep or ()),
+        random,
+        seed,
+        bound,
+        start,
+        spaces,
+        onto,
+        bare,
+        timing,
     )
     with console.progress("synthesis") as report:
         result = synthesising.run(request, report)
@@ -199,25 +253,43 @@ def interpolate(
             show_default=False,
         ),
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", help=FOLDER_HELP)],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            help="Directory to write to; or one file for one space: a clip (.glb), a point cache "
+            "(.mdd .pc2), .usd or .npz.",
+        ),
+    ],
     steps: Annotated[
         int,
         typer.Option(min=2, max=MOST_SHAPES, help="Shapes from one to the next, both counted."),
     ] = 9,
     spaces: Annotated[
-        str, typer.Option(help="Of latent, features, linear; with commas between.")
-    ] = "latent,features,linear",
+        str | None,
+        typer.Option(
+            help="Of latent, features, linear; with commas between.  [default: all; latent for one "
+            "file]",
+            show_default=False,
+        ),
+    ] = None,
+    bare: Bare = False,
+    fps: OutputFps = 24.0,
+    tolerance: Tolerance = 1e-3,
+    name: ClipName = None,
     as_json: Json = False,
 ) -> None:
     """Go from shape to shape in latent codes, in features and straight, side by side.
 
     Says how much shorter edges get on the way than between the shapes they lie between.
     """
-    from deformer_app.cli import synthesis as synthesising
+    from deformer_app.cli import outputs, synthesis as synthesising
 
     refuse_inputs(output, model, *keys)
+    timing = outputs.Timing(fps, tolerance, name)
     with console.progress("interpolation") as report:
-        result = synthesising.between(model, keys, output, steps, spaces, report)
+        result = synthesising.between(model, keys, output, steps, spaces, bare, timing, report)
     if as_json:
         console.emit(result)
         return
@@ -230,6 +302,9 @@ def interpolate(
         ["space", "all edges", "edge at 5 %"],
         rows,
     )
+    if "morph_targets" in result:
+        told = {key: value for key, value in result.items() if key.startswith("morph")}
+        console.show_facts(str(output), told)
     for file in result["files"]:
         console.note(f"Wrote {file}")
 

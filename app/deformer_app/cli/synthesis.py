@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,12 +16,13 @@ from deformer import (
     DeformationModel,
     InputError,
     MeshSequence,
+    ShapePath,
     Synthesis,
     check_blend_space,
     io,
     vertex_errors,
 )
-from deformer_app.cli import fit as fitting
+from deformer_app.cli import outputs
 from deformer_app.cli.arguments import MOST_SHAPES, words
 from deformer_app.cli.folders import output_folder
 from deformer_app.rendering.animation import save_animation, side_by_side, there_and_back
@@ -50,10 +51,11 @@ class Request:
     spaces: str = "latent"
     onto: str | None = None
     bare: bool = False
+    timing: outputs.Timing = field(default_factory=outputs.Timing)
 
     @property
-    def makes_folder(self) -> bool:
-        """True if the output is a directory."""
+    def makes_several(self) -> bool:
+        """True if the output is a directory, or a sequence of shapes in one file."""
         return self.random is not None or bool(self.sweeps)
 
 
@@ -61,8 +63,10 @@ def run(request: Request, progress: Progress) -> dict[str, Any]:
     """Synthesise shapes and write them; returns their codes and files."""
     spaces = _spaces(request.spaces)
     _check(request, spaces)
-    if not request.makes_folder:
+    if not request.makes_several:
         return _one_shape(request, spaces[0])
+    if outputs.is_sequence_file(request.output):
+        return _one_sequence(request, spaces[0])
     with output_folder(request.output, _SYNTHESIZED) as folder:
         write = _sweeps if request.random is None else _random_shapes
         return write(request, folder, spaces, progress)
@@ -81,7 +85,7 @@ def _one_shape(request: Request, space: BlendSpace) -> dict[str, Any]:
     synthesis = Synthesis(model, start_code(model, request.start))
     z = synthesis.code(weights)
     vertices = synthesis.shape(weights, space) if goal is model else _decoded(model, goal, z)
-    fitting.save(request.output, goal, vertices, request.bare)
+    outputs.save(request.output, goal, vertices, request.bare)
     return {
         "output": str(request.output),
         "space": space,
@@ -91,12 +95,30 @@ def _one_shape(request: Request, space: BlendSpace) -> dict[str, Any]:
 
 
 def between(
-    model_name: str, keys: list[str], output: Path, steps: int, spaces: str, progress: Progress
+    model_name: str,
+    keys: list[str],
+    output: Path,
+    steps: int,
+    spaces: str | None,
+    bare: bool,
+    timing: outputs.Timing,
+    progress: Progress,
 ) -> dict[str, Any]:
-    """Interpolate shapes in several spaces; write a sequence for each, a sheet and an animation."""
-    chosen = _spaces(spaces)
+    """Interpolate shapes in several spaces; write a sequence for each, a sheet and an animation.
+
+    A file gets one sequence alone, in latent codes if no space is named; else there are all spaces.
+    """
+    one_file = outputs.is_sequence_file(output)
+    chosen = _spaces(spaces or ("latent" if one_file else "latent,features,linear"))
     if len(keys) < 2:
         raise InputError(f"interpolate: got {len(keys)} shape, expected two or more")
+    if one_file:
+        outputs.check_one(output, len(chosen))
+        model = deformer.load_model(model_name)
+        shapes = np.stack([_shape(model, key) for key in keys])
+        path = deformer.interpolate(model, shapes, steps, chosen[0])
+        saved = outputs.save(output, model, path.vertices, bare, timing)
+        return {"model": model_name, "keys": keys, "spaces": {chosen[0]: _lengths(path)}, **saved}
     with output_folder(output, _INTERPOLATED) as folder:
         model = deformer.load_model(model_name)
         shapes = np.stack([_shape(model, key) for key in keys])
@@ -108,18 +130,20 @@ def between(
         titles = {space: [f"{space}, {t:.2f}" for t in path.times] for space, path in paths.items()}
         save_sheet(folder / "sheet.png", sheet(drawn, titles))
         save_animation(folder / "path.gif", there_and_back(side_by_side(drawn)), FPS)
-        record = {
-            space: {
-                "shortest_total": float(path.length_ratios().min()),
-                "edges_5_percent": float(np.quantile(path.edge_ratios(), 0.05, axis=1).min()),
-            }
-            for space, path in paths.items()
-        }
+        record = {space: _lengths(path) for space, path in paths.items()}
         result = {"model": model_name, "keys": keys, "spaces": record}
         io.write_json(folder / "lengths.json", result)
     return {
         **result,
         "files": _files(output, "sheet.png", "path.gif", *(f"{w}.npz" for w in chosen)),
+    }
+
+
+def _lengths(path: ShapePath) -> dict[str, float]:
+    """How much shorter edges get on the way than between the shapes they lie between, at least."""
+    return {
+        "shortest_total": float(path.length_ratios().min()),
+        "edges_5_percent": float(np.quantile(path.edge_ratios(), 0.05, axis=1).min()),
     }
 
 
@@ -130,7 +154,7 @@ def encode(
     if output is not None and output.suffix.lower() == ".json":
         io.check_output_file(output)
     elif output is not None:
-        fitting.check_output(output, is_sequence=False)
+        outputs.check_output(output, is_sequence=False)
     model = deformer.load_model(model_name)
     vertices = _loaded(model, shape)
     z = model.encode(vertices) if quick else model.fit(vertices)
@@ -149,7 +173,7 @@ def encode(
     if output.suffix.lower() == ".json":
         io.write_json(output, result)
     else:
-        fitting.save(output, model, found, bare)
+        outputs.save(output, model, found, bare)
     return {**result, "output": str(output)}
 
 
@@ -209,12 +233,14 @@ def _check(request: Request, spaces: tuple[BlendSpace, ...]) -> None:
         raise InputError(
             "synthesize: --onto and --random know the space latent only; drop --spaces"
         )
-    if not request.makes_folder:
+    if not request.makes_several:
         if len(spaces) > 1:
             raise InputError(
                 f"synthesize: one shape is made in one space, got {request.spaces}; choose one"
             )
-        fitting.check_output(request.output, is_sequence=False)
+        outputs.check_output(request.output, is_sequence=False)
+    elif outputs.is_sequence_file(request.output):
+        outputs.check_one(request.output, max(1, len(request.sweeps)) * len(spaces))
     elif request.output.suffix.lower() in io.MESH_SUFFIXES:
         raise InputError(f"{request.output}: names one mesh file; name a directory for many shapes")
 
@@ -268,11 +294,25 @@ def _up(model: DeformationModel) -> str:
     return str(model.summary.get("up", "y"))
 
 
-def _sweeps(
-    request: Request, folder: Path, spaces: tuple[BlendSpace, ...], progress: Progress
-) -> dict[str, Any]:
-    """Write an NPZ and a GIF for every sweep and space, and one sheet with a row for each."""
+def _one_sequence(request: Request, space: BlendSpace) -> dict[str, Any]:
+    """Write one sweep, or shapes drawn from the latent prior, as one file."""
     model, goal = _models(request)
+    if request.random is not None:
+        shapes = _drawn(request, model, goal)[1]
+    else:
+        (shapes,) = _rows(request, model, goal, (space,))[0].values()
+    with io.locked(request.output):
+        saved = outputs.save(request.output, goal, shapes, request.bare, request.timing)
+    return {"output": str(request.output), "shapes": len(shapes), **saved}
+
+
+def _rows(
+    request: Request,
+    model: DeformationModel,
+    goal: DeformationModel,
+    spaces: tuple[BlendSpace, ...],
+) -> tuple[dict[str, NDArray], dict[str, list[str]]]:
+    """Shapes (n, V, 3) and their titles for every sweep and space."""
     synthesis = Synthesis(model, start_code(model, request.start))
     weights = _weights(request.weights) if request.weights else {}
     rows: dict[str, NDArray] = {}
@@ -289,6 +329,23 @@ def _sweeps(
             else:
                 codes = [synthesis.code({**fixed, k: float(w)}) for w in values]
                 rows[row] = np.stack([_decoded(model, goal, z) for z in codes])
+    return rows, titles
+
+
+def _drawn(
+    request: Request, model: DeformationModel, goal: DeformationModel
+) -> tuple[NDArray, NDArray]:
+    """Codes (n, K) drawn from the latent prior, and their shapes (n, V, 3)."""
+    codes = deformer.draw_codes(model, request.random or 0, request.seed, request.bound)
+    return codes, np.stack([_decoded(model, goal, z) for z in codes])
+
+
+def _sweeps(
+    request: Request, folder: Path, spaces: tuple[BlendSpace, ...], progress: Progress
+) -> dict[str, Any]:
+    """Write an NPZ and a GIF for every sweep and space, and one sheet with a row for each."""
+    model, goal = _models(request)
+    rows, titles = _rows(request, model, goal, spaces)
     output, faces = request.output, goal.reference.faces
     drawn = draw(rows, faces, _up(goal), progress)
     save_sheet(folder / "sheet.png", sheet(drawn, titles))
@@ -306,8 +363,7 @@ def _random_shapes(
 ) -> dict[str, Any]:
     """Write shapes drawn from the latent prior, and a sheet of them."""
     model, goal = _models(request)
-    codes = deformer.draw_codes(model, request.random or 0, request.seed, request.bound)
-    shapes = np.stack([_decoded(model, goal, z) for z in codes])
+    codes, shapes = _drawn(request, model, goal)
     familiarity = deformer.Familiarity(model)
     distances = [familiarity.distance(z) for z in codes]
     output, faces = request.output, goal.reference.faces

@@ -1,0 +1,93 @@
+"""Poses and sequences as files, in the format of the output's suffix."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import deformer
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from deformer import DeformationModel
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How a sequence is written: arguments of `deformer.save_shapes`."""
+
+    fps: float = 24.0
+    tolerance: float = 1e-3
+    name: str | None = None
+
+
+def is_sequence_file(path: Path) -> bool:
+    """True if a suffix names a format of sequences; without one it is a directory."""
+    return path.suffix.lower() in deformer.SEQUENCE_SUFFIXES
+
+
+def check_output(path: Path, is_sequence: bool) -> None:
+    """Raise InputError, before any work, if a pose or a sequence cannot be written to `path`."""
+    if is_sequence:
+        deformer.check_shapes_output(path)
+        return
+    deformer.check_mesh_output(path)
+
+
+def check_one(path: Path, count: int) -> None:
+    """Raise InputError, before any work, unless one file is named for one sequence.
+
+    Args:
+        path: the file.
+        count: how many sequences there are.
+    """
+    deformer.check_shapes_output(path)
+    if count != 1:
+        raise deformer.InputError(
+            f"{path}: names one file for {count} sequences; name a directory, or ask for one"
+        )
+
+
+def save(
+    path: Path,
+    model: DeformationModel,
+    vertices: NDArray,
+    bare: bool,
+    timing: Timing | None = None,
+) -> dict[str, Any]:
+    """Write one pose (V, 3) as a mesh, or a sequence (F, V, 3) as the suffix says.
+
+    Args:
+        path: the file or directory.
+        model: whose document the files are like.
+        vertices: the pose or the sequence.
+        bare: write positions and triangles alone.
+        timing: of sequences.
+
+    Returns:
+        what came of a sequence: its files, and of a GLB the morph targets.
+    """
+    faces, like = model.reference.faces, None if bare else model
+    up = "z" if model.summary.get("up") == "z" else "y"
+    if vertices.ndim == 2:
+        deformer.save_mesh(path, deformer.Mesh(vertices, faces), like=like, up=up)
+        return {}
+    given = timing or Timing()
+    saved = deformer.save_shapes(
+        path,
+        deformer.MeshSequence(vertices, faces),
+        like=like,
+        fps=given.fps,
+        tolerance=given.tolerance,
+        name=given.name,
+        up=up,
+    )
+    found: dict[str, Any] = {"files": [str(file) for file in saved.files]}
+    if saved.targets is not None:
+        found["morph_targets"] = saved.targets
+        found["morph_error"] = saved.error
+        if not saved.principal:
+            found["morph_note"] = "one target a frame: the frames have too little in common"
+    return found
