@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
+from deformer import SEQUENCE_SUFFIXES, InputError, MeshSequence, save_shapes
 from deformer_app.rendering.animation import check_animation_path, save_animation
 from deformer_app.rendering.camera import turntable
 from deformer_app.rendering.offscreen import Picture
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 FPS = 25
 _TURN = 72  # pictures of a turntable
 _LONGEST = 1500  # frames of a recording: a minute
+_MOST_BYTES = 1_000_000_000  # of the shapes of a recording
 
 
 class Recorder:
@@ -38,6 +41,9 @@ class Recorder:
         # Compressed, because a minute of pictures would need gigabytes.
         self._frames: list[bytes] = []
         self._times: list[float] = []
+        self._model = editor.model
+        # Vertices (V, 3) in single precision; None once they cannot be kept any more.
+        self._shapes: list[NDArray] | None = []
         self._add(time.perf_counter())
         editor.on_change.append(self._hear)
 
@@ -54,41 +60,60 @@ class Recorder:
         Image.fromarray(self._editor.state.view.grab()).save(packed, "JPEG", quality=95)
         self._frames.append(packed.getvalue())
         self._times.append(now)
+        shape = self._editor.vertices.astype(np.float32)
+        full = (len(self._frames) * shape.nbytes) > _MOST_BYTES
+        if full or self._editor.model is not self._model:
+            self._shapes = None
+        if self._shapes is not None:
+            self._shapes.append(shape)
 
-    def stop(self) -> Sequence[Picture]:
+    def stop(self) -> Film:
         """End; return the frames at a steady rate, with pauses of at most half a second.
 
         Empty if nothing was drawn after the beginning.
         """
         self._editor.on_change.remove(self._hear)
         if len(self._frames) < 2:
-            return []
+            return Film([], [], None)
         # The last frame may have come too soon after the one before it.
         self._add(time.perf_counter())
         gaps = np.minimum(np.diff(self._times), 0.5)
         at = np.concatenate([[0.0], np.cumsum(gaps)])
         steady = np.arange(0.0, at[-1] + 1.0 / FPS, 1.0 / FPS)
         shown = np.searchsorted(at, steady, side="right") - 1
-        return _Film(self._frames, shown.tolist())
+        return Film(self._frames, shown.tolist(), self._shapes)
 
 
-class _Film(Sequence[Picture]):
+class Film(Sequence[Picture]):
     """Compressed frames, unpacked one at a time; all of them as large as the last one.
 
     Args:
         frames: JPEG files.
         shown: index into `frames` of each picture of the film.
+        shapes: vertices (V, 3) of each frame; None if the model changed, or they are too many.
     """
 
-    def __init__(self, frames: Sequence[bytes], shown: Sequence[int]) -> None:
-        self._frames, self._shown = frames, shown
+    def __init__(
+        self, frames: Sequence[bytes], shown: Sequence[int], shapes: Sequence[NDArray] | None
+    ) -> None:
+        """Keep the frames."""
+        self._frames, self._shown, self._shapes = frames, shown, shapes
+
+    @property
+    def shapes(self) -> NDArray | None:
+        """Vertices (F, V, 3) of the pictures."""
+        if self._shapes is None or not self._shown:
+            return None
+        return np.stack([self._shapes[n] for n in self._shown])
 
     def __len__(self) -> int:
+        """Count the pictures."""
         return len(self._shown)
 
     def __getitem__(self, index: Any) -> Any:
+        """One picture (height, width, 3), or a film of some of them."""
         if isinstance(index, slice):
-            return _Film(self._frames, self._shown[index])
+            return Film(self._frames, self._shown[index], self._shapes)
         picture = Image.open(BytesIO(self._frames[self._shown[index]]))
         size = Image.open(BytesIO(self._frames[-1])).size  # the window may have been resized
         return np.asarray(picture if picture.size == size else picture.resize(size))
@@ -117,11 +142,24 @@ def save_turntable(editor: Editor, path: Path) -> Iterator[None]:
 
 
 def save_recording(editor: Editor, path: Path, pictures: Sequence[Picture]) -> Iterator[None]:
-    """Write pictures in the background.
+    """Write pictures in the background, or the shapes that they show where `path` is for shapes.
 
     Raises:
-        InputError: see `save_animation`.
+        InputError: see `save_animation` and `deformer.save_shapes`, or the shapes were not kept.
     """
     editor.note(f"Writing {path} …")
-    yield from in_background(lambda: save_animation(path, pictures, FPS))
+    if path.suffix.lower() not in SEQUENCE_SUFFIXES:
+        yield from in_background(lambda: save_animation(path, pictures, FPS))
+        editor.note(f"Wrote {path}")
+        return
+    shapes = pictures.shapes if isinstance(pictures, Film) else None
+    if shapes is None:
+        raise InputError(
+            f"{path}: the recording has no shapes, for nothing was drawn, another model was opened "
+            "or it is too long; record a shorter drag, or write .gif or .mp4"
+        )
+    model = editor.model
+    sequence = MeshSequence(shapes, model.reference.faces)
+    up = "z" if model.summary.get("up") == "z" else "y"
+    yield from in_background(lambda: save_shapes(path, sequence, like=model, fps=FPS, up=up))
     editor.note(f"Wrote {path}")

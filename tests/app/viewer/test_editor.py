@@ -26,7 +26,7 @@ from deformer_app.viewer.exports import export_handles, export_pose, save_screen
 from deformer_app.viewer.gizmo import rotation, translation
 from deformer_app.viewer.model_files import start_codes
 from deformer_app.viewer.pose_worker import PoseWorker, replay
-from deformer_app.viewer.recording import Recorder, save_turntable
+from deformer_app.viewer.recording import Recorder, save_recording, save_turntable
 from deformer_app.viewer.rigs import load_handles, place_rig
 from deformer_app.viewer.scene import MeshView
 from deformer_app.viewer.session import Session
@@ -738,6 +738,14 @@ def test_recordings_and_turntables_are_animations(editor, tmp_path, monkeypatch)
     pictures = recorder.stop()
     assert len(pictures) >= 2 and pictures[0].shape == (*SIZE[::-1], 3)
     assert (pictures[0] != pictures[-1]).any()
+    editor.run(save_recording(editor, tmp_path / "drag.glb", pictures))
+    finish(editor)
+    shapes = deformer.load_shapes(tmp_path / "drag.glb", clip="drag", fps=recording.FPS).vertices
+    assert len(shapes) == len(pictures)
+    # The clip ends at the pose, to its tolerance, and has begun elsewhere.
+    size = editor.model.reference.bounding_diagonal
+    np.testing.assert_allclose(shapes[-1], editor.vertices, atol=2e-3 * size)
+    assert np.abs(shapes[0] - shapes[-1]).max() > 1e-2 * size
     save_animation(tmp_path / "drag.gif", pictures, recording.FPS)
     with Image.open(tmp_path / "drag.gif") as movie:
         assert movie.size == SIZE and getattr(movie, "n_frames", 1) > 1
@@ -748,6 +756,17 @@ def test_recordings_and_turntables_are_animations(editor, tmp_path, monkeypatch)
     pytest.importorskip("imageio_ffmpeg", reason="MP4 needs imageio-ffmpeg")
     save_animation(tmp_path / "drag.mp4", pictures, recording.FPS)
     assert (tmp_path / "drag.mp4").read_bytes()[4:8] == b"ftyp"
+
+
+def test_a_recording_of_too_many_shapes_is_one_of_pictures(editor, tmp_path, monkeypatch):
+    monkeypatch.setattr(recording, "_MOST_BYTES", 100)
+    recorder = Recorder(editor)
+    _, at = seen(editor, 0.95)
+    mouse(editor, at, at + np.array([-25, -40]))
+    pictures = recorder.stop()
+    assert len(pictures) >= 2 and pictures.shapes is None
+    with pytest.raises(deformer.InputError, match="record a shorter drag"):
+        list(save_recording(editor, tmp_path / "drag.glb", pictures))
 
 
 def test_a_screenshot_shows_the_mesh(editor, tmp_path):

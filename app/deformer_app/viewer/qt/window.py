@@ -55,6 +55,7 @@ _PANELS = 120  # milliseconds after a change until the docks show it
 _AUTOSAVE = 1500  # milliseconds after a step until the autosave
 _PATIENCE = 700  # milliseconds of preparation after which the user is told
 _MOVIES = "Animations (*.gif *.mp4)"
+_RECORDINGS = "Animations and shapes (*.mp4 *.gif *.glb *.mdd *.pc2 *.usd *.usda *.usdc *.npz)"
 
 
 class _Wake(QObject):
@@ -312,7 +313,7 @@ class Window(QMainWindow):
         recorder, self._recorder = self._recorder, None
         self.notices.show_strip(self.notices.recording, False)
         pictures = recorder.stop()
-        path = self.ask_save("Save recording", "drag.mp4", _MOVIES)
+        path = self.ask_save("Save recording", "drag.mp4", _RECORDINGS)
         if path is not None:
             self.editor.run(save_recording(self.editor, path, pictures))
 
