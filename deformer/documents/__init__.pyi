@@ -5,6 +5,7 @@ from .document import (
     load_document as load_document,
 )
 from .glb_poses import posed_glb as posed_glb
+from .glb_roots import rooted_glb as rooted_glb
 from .saving import (
     Like as Like,
     check_mesh_output as check_mesh_output,

@@ -84,7 +84,7 @@ def scene_normals(scene: GltfScene, ranges: tuple[VertexRange, ...]) -> FloatArr
     """Normals (V, 3) in the world before any skin; NaN where the file has none."""
     found = np.full((scene.vertex_count, 3), np.nan)
     for part in ranges:
-        accessor = next((n for _, n in _attributes(scene.asset.json, part, "NORMAL")), None)
+        accessor = next((n for _, n in attributes_of(scene.asset.json, part, "NORMAL")), None)
         if accessor is not None:
             own = scene.asset.floats(accessor, "VEC3", COMPONENTS, "NORMAL")
             linear = scene.tree.world(part.node)[:3, :3]
@@ -117,7 +117,7 @@ def _new_normals(
     return np.where(same[:, None] | ~has[:, None], normals, anew[groups])
 
 
-def _attributes(description: dict, part: VertexRange, name: str) -> Iterator[tuple[dict, int]]:
+def attributes_of(description: dict, part: VertexRange, name: str) -> Iterator[tuple[dict, int]]:
     """The attributes of the primitives of a range that have one of a name, and its accessor."""
     mesh = description["meshes"][description["nodes"][part.node]["mesh"]]
     for number in part.primitives:
@@ -163,7 +163,7 @@ class _RangeWriter:
         """
         part = self._part
         rows = slice(part.start, part.start + part.count)
-        found = list(_attributes(self._file.json, part, "TANGENT"))
+        found = list(attributes_of(self._file.json, part, "TANGENT"))
         if not found or self._normals is None or np.isnan(normals[rows]).any():
             return
         old = self._scene.asset.floats(found[0][1], "VEC4", COMPONENTS, "TANGENT")
@@ -202,13 +202,17 @@ class _RangeWriter:
             values: (n, k) new values.
             kept: (n,) true for rows that stay as they are.
         """
-        for accessor in dict.fromkeys(n for _, n in _attributes(self._file.json, self._part, name)):
+        for accessor in dict.fromkeys(
+            n for _, n in attributes_of(self._file.json, self._part, name)
+        ):
             shape = "VEC4" if values.shape[1] == 4 else "VEC3"
             old = self._scene.asset.floats(accessor, shape, COMPONENTS, name)
             if len(old) != len(values):
                 continue
             rows = single_precision(np.where(kept[:, None], old, values), "GLB")
-            owners = [a for a, n in _attributes(self._file.json, self._part, name) if n == accessor]
+            owners = [
+                a for a, n in attributes_of(self._file.json, self._part, name) if n == accessor
+            ]
             new = self._file.replace_array(accessor, rows, owners, name)
             for owner in owners:
                 owner[name] = new
@@ -232,7 +236,7 @@ def _separate_meshes(file: GlbFile, ranges: tuple[VertexRange, ...]) -> None:
         taken.add(node["mesh"])
 
 
-def _turn_faces(file: GlbFile, asset: GltfAsset, primitive: dict[str, Any]) -> None:
+def turn_faces(file: GlbFile, asset: GltfAsset, primitive: dict[str, Any]) -> None:
     """Give a primitive corners in the opposite order."""
     if "indices" in primitive:
         types = {5121: "u1", 5123: "<u2", 5125: "<u4"}
@@ -255,7 +259,7 @@ def _remove_deformers(file: GlbFile, scene: GltfScene, ranges: tuple[VertexRange
             inverted = np.median(np.linalg.det(part.transform[:, :3, :3])) < 0
             if inverted != (np.linalg.det(scene.tree.world(part.node)[:3, :3]) < 0):
                 for number in part.primitives:
-                    _turn_faces(file, scene.asset, mesh["primitives"][number])
+                    turn_faces(file, scene.asset, mesh["primitives"][number])
         for owner, key in ((node, "weights"), (node, "skin"), (mesh, "weights")):
             owner.pop(key, None)
         extras = mesh.get("extras")
@@ -265,7 +269,10 @@ def _remove_deformers(file: GlbFile, scene: GltfScene, ranges: tuple[VertexRange
             primitive.pop("targets", None)
             for name in [n for n in primitive["attributes"] if n.startswith(_INFLUENCES)]:
                 del primitive["attributes"][name]
-    moving = {n for part in ranges for n in scene.tree.path(part.node)}
-    file.remove_animations(moving)
+    left = {node.get("skin") for node in description["nodes"]}
+    movers = {part.node for part in ranges}
+    for number in {part.skin for part in ranges if part.skin is not None} - left:
+        movers.update(description["skins"][number]["joints"])
+    file.remove_animations({n for each in movers for n in scene.tree.path(each)})
     if not any("skin" in node for node in description["nodes"]):
         description.pop("skins", None)

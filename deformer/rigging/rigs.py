@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from deformer.acap import vertex_normals
 from deformer.checks import LARGEST, check_memory, checked_array, checked_number
+from deformer.documents import Like, document_of
 from deformer.geometry import FloatArray, IntArray, Mesh, Seams, no_seams
 from deformer.io import atomic_path, check_output_file
 from deformer.rigging.matrices import Frame, local_matrices, world_matrices
@@ -148,15 +149,24 @@ class Rig:
         matrices = world_matrices(frame.outward(T), self.rest)
         return matrices[0] if given.ndim == 2 else matrices
 
-    def glb(self, fps: float = 24.0) -> bytes:
+    def glb(self, fps: float = 24.0, like: Like | None = None) -> bytes:
         """A GLB file: the skinned mesh, its skeleton, and the clip with one shape a frame.
 
         Args:
             fps: frames a second, above 0.
+            like: what the mesh has beside positions and triangles: a document, a model with its
+                document, or the path of a file or directory of shapes. Nodes, materials, textures,
+                texture coordinates, colours and names are then those of the document as GLB
+                (`Document.write`), and vertices are split where that splits them; an OBJ or PLY
+                file without normals gets smooth ones. None writes positions, smooth normals and
+                triangles.
 
         Raises:
-            InputError: `fps` is none.
+            InputError: `fps` is none, or a document of another mesh or a damaged one.
         """
+        document = document_of(like)
+        if document is not None:
+            document.check_fits(len(self.weights), self.reference.faces)
         surface = self._seams.close_mesh(self.reference)
         normals = self._seams.open(vertex_normals(surface.vertices, surface.faces))
         return rig_glb(
@@ -168,15 +178,21 @@ class Rig:
             self.rest,
             local_matrices(self.clip, self.parents),
             checked_number(fps, "fps", above=0, most=1e6),
+            document,
         )
 
-    def save(self, path: str | Path, fps: float = 24.0) -> None:
+    def save(self, path: str | Path, fps: float = 24.0, like: Like | None = None) -> None:
         """Write the GLB file `path`, under a temporary name first.
+
+        Args:
+            path: the file.
+            fps: as of `glb`.
+            like: as of `glb`.
 
         Raises:
             InputError: no such folder, a path that cannot be written, or as `glb`.
         """
         check_output_file(path)
-        data = self.glb(fps)
+        data = self.glb(fps, like)
         with atomic_path(path) as temporary:
             temporary.write_bytes(data)

@@ -152,6 +152,19 @@ def test_what_would_deform_the_pose_again_is_removed(tmp_path):
     assert len(written) < len(content)
 
 
+def test_the_motion_of_the_bones_is_removed_with_the_skin(tmp_path):
+    asset = scenes.deformed()
+    turn = asset.add_array(np.array([[0.0, 0, 0, 1], [0, 0, 1, 0]]))
+    walk, rise = asset.json["animations"]
+    for clip in (walk, rise):
+        clip["samplers"] = [*clip["samplers"], {"input": walk["samplers"][0]["input"],
+                                                "output": turn}]  # fmt: skip
+        clip["channels"].append({"sampler": 2, "target": {"node": 3, "path": "rotation"}})
+    new = asset_of(document(tmp_path, asset.data).write(posed(tmp_path))).json
+    targets = [c["target"]["node"] for a in new["animations"] for c in a["channels"]]
+    assert targets == [2]
+
+
 def test_two_nodes_of_one_mesh_get_a_pose_each(tmp_path):
     content = scenes.shown_twice().data
     written = document(tmp_path, content).write(posed(tmp_path))

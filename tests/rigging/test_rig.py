@@ -23,7 +23,7 @@ def rig_of_pieces():
     return deformer.rig(pieces_model(), bones=8, influences=2)
 
 
-@pytest.fixture(params=["rig", "rig_of_pieces"])
+@pytest.fixture(params=["rig", pytest.param("rig_of_pieces", marks=pytest.mark.slow)])
 def any_rig(request):
     return request.getfixturevalue(request.param)
 
@@ -49,6 +49,7 @@ def test_the_skeleton_is_a_tree_whose_parents_come_first(any_rig):
     assert ((any_rig.parents[1:] >= 0) & (any_rig.parents[1:] < np.arange(1, B))).all()
 
 
+@pytest.mark.slow
 def test_at_most_so_many_bones_and_influences(rig, rig_of_pieces):
     assert len(rig.names) <= 6 and rig.influences <= 4
     assert len(rig_of_pieces.names) <= 8 and rig_of_pieces.influences <= 2
@@ -152,6 +153,7 @@ def test_poses_of_other_bones_and_shapes_of_other_meshes_are_named(rig):
         rig.glb(0)
 
 
+@pytest.mark.slow
 def test_seams_of_a_file_are_no_border_to_bones():
     """Where vertices coincide in all shapes the surface is one: their weights are equal."""
     shapes = cut_in_two()

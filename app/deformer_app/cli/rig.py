@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from deformer_app import console
-from deformer_app.cli.arguments import Json, Model, examples, refuse_inputs
+from deformer_app.cli.arguments import Bare, Json, Model, examples, refuse_inputs
 
 app = typer.Typer()
 
@@ -29,16 +29,18 @@ def rig(
     fps: Annotated[
         float, typer.Option(min=0.01, max=1000, help="Examples a second in the clip.")
     ] = 24.0,
+    bare: Bare = False,
     as_json: Json = False,
 ) -> None:
     """Make bones and smooth weights that reproduce the model's shapes, for any engine to play.
 
-    The file has the reference with its skeleton, and a clip with one training shape a frame.
+    The file has the reference with its skeleton, and a clip with one training shape a frame; and
+    what the file has from which the model was trained: materials, textures, colours, names.
     """
     from deformer_app.cli import rigs
 
     refuse_inputs(output, model)
-    result = rigs.run(model, output, bones, influences, fps)
+    result = rigs.run(model, output, bones, influences, fps, bare)
     if as_json:
         console.emit(result)
     else:

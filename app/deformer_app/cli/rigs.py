@@ -10,7 +10,9 @@ from deformer import io
 from deformer_app import console
 
 
-def run(model_name: str, output: Path, bones: int, influences: int, fps: float) -> dict[str, Any]:
+def run(
+    model_name: str, output: Path, bones: int, influences: int, fps: float, bare: bool
+) -> dict[str, Any]:
     """Make a rig and write it.
 
     Args:
@@ -19,6 +21,7 @@ def run(model_name: str, output: Path, bones: int, influences: int, fps: float) 
         bones: most bones.
         influences: most bones that move a vertex.
         fps: training shapes a second in the clip.
+        bare: write nothing of the model's document.
 
     Returns:
         Numbers of the rig, its bones by name, and the file.
@@ -34,7 +37,7 @@ def run(model_name: str, output: Path, bones: int, influences: int, fps: float) 
     model = deformer.load_model(model_name)
     with console.progress("rigging") as report:
         rig = deformer.rig(model, bones, influences, on_progress=report)
-    rig.save(output, fps)
+    rig.save(output, fps, like=None if bare else model)
     names = rig.names
     return {
         "model": model_name,

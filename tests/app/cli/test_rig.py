@@ -2,11 +2,13 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import deformer
+from deformer import io
 from deformer.rigging import decomposition
 from shapes import small_model
 
@@ -38,6 +40,23 @@ def test_the_file_is_the_rig_that_the_library_makes(run_json, model_path, tmp_pa
     joints = [bone["joint"] for bone in result["skeleton"]]
     np.testing.assert_allclose(joints, expected.rest[:, :3, 3])
     assert result["files"] == [str(out)]
+
+
+def test_the_file_is_like_the_document_unless_it_is_bare(run, tmp_path, monkeypatch):
+    monkeypatch.setattr(decomposition, "_ALTERNATIONS", 2)
+    model = small_model()
+    lines = io.mesh_bytes(model.reference, ".obj").decode().splitlines()
+    first = next(n for n, line in enumerate(lines) if line.startswith("f "))
+    text = "\n".join(["o Sock", *lines[:first], "usemtl wool", *lines[first:], ""]).encode()
+    (tmp_path / "sock.obj").write_bytes(text)
+    model = replace(model, document=deformer.load_document(tmp_path / "sock.obj"))
+    model.save(tmp_path / "model")
+    rig = deformer.rig(model, 3)
+    out = tmp_path / "rig.glb"
+    for options, like in (((), model), (("--bare",), None)):
+        assert run("rig", tmp_path / "model", "-o", out, "--bones", 3, *options)[0] == 0
+        assert out.read_bytes() == rig.glb(like=like)
+        assert (b"wool" in out.read_bytes()) == (like is not None)
 
 
 def test_the_summary_has_bones_error_and_stray_share(run, model_path, tmp_path, monkeypatch):
