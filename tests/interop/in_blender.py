@@ -33,6 +33,7 @@ def facts_of(mesh_object):
     mesh = mesh_object.data
     keys = mesh.shape_keys
     rig = mesh_object.find_armature()
+    blocks = list(keys.key_blocks) if keys else []
     return {
         "name": mesh_object.name,
         "vertices": len(mesh.vertices),
@@ -41,7 +42,9 @@ def facts_of(mesh_object):
         "materials": [slot.name for slot in mesh_object.material_slots],
         "polygon_materials": [polygon.material_index for polygon in mesh.polygons],
         "colours": [layer.name for layer in mesh.color_attributes],
-        "shape_keys": [key.name for key in keys.key_blocks] if keys else [],
+        "shape_keys": [key.name for key in blocks],
+        "key_shapes": {key.name: [list(point.co) for point in key.data] for key in blocks[1:]},
+        "base_shape": [list(vertex.co) for vertex in mesh.vertices],
         "groups": [group.name for group in mesh_object.vertex_groups],
         "bones": [bone.name for bone in rig.data.bones] if rig else [],
         "custom_normals": bool(mesh.has_custom_normals),
