@@ -11,6 +11,7 @@ import numpy as np
 from deformer.analysis.synthesis import Synthesis
 from deformer.animation import Clip, morph_glb
 from deformer.checks import checked_flag, checked_instance, checked_number
+from deformer.documents import upright_glb
 from deformer.geometry import FloatArray
 from deformer.io import atomic_path
 from deformer.model import DeformationModel
@@ -56,7 +57,8 @@ class ComponentKeys:
         clips = [self._clip(k) for k in self.errors]
         document = None if bare else model.document
         base = model.decode(Synthesis(model).start)
-        return morph_glb(base, faces, self.targets, self.names, clips, document, "model")
+        data = morph_glb(base, faces, self.targets, self.names, clips, document, "model")
+        return upright_glb(data, "z" if model.summary.get("up") == "z" else "y", document)
 
     def save(self, path: str | Path, bare: bool = False) -> None:
         """Write `glb` to a file; an existing one is replaced once all is written.

@@ -24,6 +24,7 @@ from deformer.documents import (
     Like,
     document_of,
     save_mesh,
+    upright_glb,
     write_usd,
 )
 from deformer.errors import InputError
@@ -97,7 +98,8 @@ def save_shapes(
             bounding-box diagonal of the first shape. Rounding to single precision comes on top.
         name: of GLB and USD, name of the clip and of a mesh without a document; None is the stem
             of the path.
-        up: of USD, "y" or "z", the axis that points up; coordinates stay as they are.
+        up: "y" or "z", the axis that points up. USD says which; GLB has y up, so that clips
+            that are not like a GLB document have a node that turns z up. Coordinates stay.
 
     Returns:
         the files, and the number and the error of the morph targets.
@@ -121,7 +123,7 @@ def save_shapes(
     check_shapes_output(target)
     suffix = target.suffix.lower()
     if suffix == ".glb":
-        return _save_clip(target, shapes, document, label, fps, tolerance)
+        return _save_clip(target, shapes, document, label, fps, tolerance, up)
     if suffix in CACHE_SUFFIXES:
         return _save_cache(target, shapes, document, fps)
     if suffix in USD_SUFFIXES:
@@ -173,6 +175,7 @@ def _save_clip(
     name: str,
     fps: float,
     tolerance: float,
+    up: str,
 ) -> SavedShapes:
     size = diagonal(shapes.vertices[0])
     found = morph_targets(shapes.vertices, tolerance * size, shapes.names)
@@ -180,7 +183,7 @@ def _save_clip(
     clips = [Clip(name, times, found.weights)] if len(found.targets) else []
     data = morph_glb(found.base, shapes.faces, found.targets, found.names, clips, document, name)
     with atomic_path(path) as temporary:
-        temporary.write_bytes(data)
+        temporary.write_bytes(upright_glb(data, up, document))
     error = found.error / size if size > 0 else found.error
     return SavedShapes((path,), len(found.targets), found.principal, error)
 

@@ -4,6 +4,7 @@ from .document import (
     checked_document as checked_document,
     load_document as load_document,
 )
+from .glb_axes import upright_glb as upright_glb
 from .glb_poses import posed_glb as posed_glb
 from .glb_roots import rooted_glb as rooted_glb
 from .saving import (

@@ -7,6 +7,7 @@ from typing import Protocol, runtime_checkable
 
 from deformer.checks import checked_choice, checked_instance, checked_path, shortened
 from deformer.documents.document import Document, load_document
+from deformer.documents.glb_axes import upright_glb
 from deformer.documents.usd import USD_SUFFIXES, write_usd
 from deformer.errors import InputError
 from deformer.geometry import Mesh
@@ -14,6 +15,7 @@ from deformer.io import (
     MESH_SUFFIXES,
     atomic_path,
     check_output_file,
+    mesh_bytes,
     save_mesh as save_bare_mesh,
     usd_library,
 )
@@ -43,7 +45,8 @@ def save_mesh(path: str | Path, mesh: Mesh, like: Like | None = None, *, up: str
         like: what the file has beside positions and triangles: a document, a model with its
             document, or the path of a file or directory of shapes. None, or one without anything
             more, writes positions and triangles alone.
-        up: of USD, "y" or "z", the axis that points up; coordinates stay as they are.
+        up: "y" or "z", the axis that points up. USD says which; GLB has y up, so that files
+            that are not like a GLB document have a node that turns z up. Coordinates stay.
 
     Raises:
         InputError: an unknown suffix, a directory that is missing or not writable, or a document
@@ -54,7 +57,10 @@ def save_mesh(path: str | Path, mesh: Mesh, like: Like | None = None, *, up: str
     checked_choice(up, "up", ("y", "z"))
     document = document_of(like)
     suffix = target.suffix.lower()
-    if suffix not in USD_SUFFIXES and (document is None or suffix not in MESH_SUFFIXES):
+    turned = suffix == ".glb" and up == "z"
+    if suffix not in USD_SUFFIXES and (
+        (document is None and not turned) or suffix not in MESH_SUFFIXES
+    ):
         save_bare_mesh(target, mesh)
         return
     if document is not None:
@@ -62,11 +68,17 @@ def save_mesh(path: str | Path, mesh: Mesh, like: Like | None = None, *, up: str
     if suffix in USD_SUFFIXES:
         usd_library(target)
     with atomic_path(target) as temporary:
-        if document is None or suffix in USD_SUFFIXES:
+        if suffix in USD_SUFFIXES:
             shapes = mesh.vertices[None]
             write_usd(temporary, shapes, mesh.faces, document, name=target.stem, up=up)
             return
-        temporary.write_bytes(document.write(mesh.vertices, target.suffix))
+        temporary.write_bytes(_mesh_bytes(mesh, suffix, document, up))
+
+
+def _mesh_bytes(mesh: Mesh, suffix: str, document: Document | None, up: str) -> bytes:
+    points = mesh.vertices
+    data = mesh_bytes(mesh, suffix) if document is None else document.write(points, suffix)
+    return upright_glb(data, up, document) if suffix == ".glb" else data
 
 
 def check_mesh_output(path: str | Path) -> None:
