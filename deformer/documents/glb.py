@@ -269,10 +269,16 @@ def _remove_deformers(file: GlbFile, scene: GltfScene, ranges: tuple[VertexRange
             primitive.pop("targets", None)
             for name in [n for n in primitive["attributes"] if n.startswith(_INFLUENCES)]:
                 del primitive["attributes"][name]
-    left = {node.get("skin") for node in description["nodes"]}
-    movers = {part.node for part in ranges}
-    for number in {part.skin for part in ranges if part.skin is not None} - left:
+    nodes, movers = description["nodes"], {part.node for part in ranges}
+    removed = {part.skin for part in ranges} - {node.get("skin") for node in nodes} - {None}
+    for number in removed:
         movers.update(description["skins"][number]["joints"])
     file.remove_animations({n for each in movers for n in scene.tree.path(each)})
-    if not any("skin" in node for node in description["nodes"]):
+    if removed:
+        left = [n for n in range(len(description["skins"])) if n not in removed]
+        description["skins"] = [description["skins"][n] for n in left]
+        for node in nodes:
+            if "skin" in node:
+                node["skin"] = left.index(node["skin"])
+    if not description.get("skins"):
         description.pop("skins", None)

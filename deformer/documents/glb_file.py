@@ -117,6 +117,36 @@ class GlbFile:
         else:
             self.json.pop("animations", None)
 
+    def remove_nodes(self, removed: set[int]) -> None:
+        """Remove nodes that nothing but their parents and scenes refer to.
+
+        Args:
+            removed: their numbers; nodes below them are among them.
+        """
+        nodes = self.json["nodes"]
+        left = [n for n in range(len(nodes)) if n not in removed]
+        numbers = {old: new for new, old in enumerate(left)}
+        owners = [(node, "children") for node in nodes]
+        owners += [(shown, "nodes") for shown in self.json.get("scenes", [])]
+        owners += [(skin, "joints") for skin in self.json.get("skins", [])]
+        for owner, key in owners:
+            if key in owner:
+                owner[key] = [numbers[n] for n in owner[key] if n in numbers]
+                if not owner[key]:
+                    del owner[key]
+        targets = [
+            channel.get("target", {})
+            for animation in self.json.get("animations", [])
+            for channel in animation["channels"]
+        ]
+        for owner, key in [
+            *((target, "node") for target in targets),
+            *((skin, "skeleton") for skin in self.json.get("skins", [])),
+        ]:
+            if key in owner:
+                owner[key] = numbers[owner[key]]
+        self.json["nodes"] = [nodes[n] for n in left]
+
     @property
     def data(self) -> bytes:
         """The file."""

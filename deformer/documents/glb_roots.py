@@ -18,6 +18,10 @@ from deformer.io import GltfAsset, GltfScene, VertexRange
 _TRANSFORM = ("matrix", "translation", "rotation", "scale")
 # What stays where a node is when its mesh moves to a root.
 _HELD = {"children", "camera", "extensions"}
+# A node with one of these, or with children, is not empty.
+_CONTENT = {"mesh", "skin", "camera", "extensions", "extras"}
+# Extensions of the asset, its scenes, nodes, skins and animations that refer to no node.
+_WITHOUT_NODES = {"KHR_lights_punctual", "KHR_materials_variants", "KHR_xmp_json_ld"}
 
 
 def rooted_glb(document: Document, vertices: FloatArray) -> tuple[bytes, IntArray]:
@@ -25,6 +29,8 @@ def rooted_glb(document: Document, vertices: FloatArray) -> tuple[bytes, IntArra
 
     Skinned meshes are to be so (glTF 2.0, 3.7.3.2): programs ignore the transforms of their nodes.
     A node with children, a camera or extensions stays where it is with these, without its mesh.
+    Groups that are empty then are removed, and so are bones of a skin that the meshes had, unless
+    something else hangs on them or an extension may refer to them.
 
     Args:
         document: a document of V vertices.
@@ -37,10 +43,10 @@ def rooted_glb(document: Document, vertices: FloatArray) -> tuple[bytes, IntArra
         InputError: as of `Document.write`.
     """
     data, owners = posed_glb(document, vertices, document.faces)
-    return document.guarded(lambda: _rooted(data, vertices[owners])), owners
+    return document.guarded(lambda: _rooted(document, data, vertices[owners])), owners
 
 
-def _rooted(data: bytes, points: FloatArray) -> bytes:
+def _rooted(document: Document, data: bytes, points: FloatArray) -> bytes:
     scene = GltfScene(GltfAsset(data, "the document"))
     file, ranges = GlbFile(scene.asset), scene.ranges
     for part in ranges:
@@ -48,6 +54,8 @@ def _rooted(data: bytes, points: FloatArray) -> bytes:
             own = points[part.start : part.start + part.count]
             _write_in_world(file, scene.asset, part, own)
     _move_to_roots(file, scene, ranges)
+    bones = _former_bones(document, scene.asset.json) if document.suffix == ".glb" else set()
+    _remove_empty(file, scene, {part.node for part in ranges} | bones)
     return file.data
 
 
@@ -120,4 +128,49 @@ def _below(nodes: list[dict[str, Any]], roots: Iterable[int]) -> set[int]:
         if number not in found:
             found.add(number)
             stack += nodes[number].get("children", [])
+    return found
+
+
+def _former_bones(document: Document, posed: dict[str, Any]) -> set[int]:
+    """The nodes of the bones that moved the meshes of a GLB document before they were posed."""
+    before = GltfAsset(document.data, "the document").json
+    pairs = zip(before["nodes"], posed["nodes"], strict=False)
+    skins = {old["skin"] for old, new in pairs if "skin" in old and "skin" not in new}
+    return {joint for skin in skins for joint in before["skins"][skin]["joints"]}
+
+
+def _remove_empty(file: GlbFile, scene: GltfScene, below: set[int]) -> None:
+    """Remove the nodes from some up to their roots that hold nothing any more.
+
+    Args:
+        file: the file.
+        scene: the scene before anything moved.
+        below: the nodes.
+    """
+    nodes, used = file.json["nodes"], _used_nodes(file.json)
+    if used is None:
+        return
+    removed: set[int] = set()
+    found = {n for each in below for n in scene.tree.path(each)} - used
+    for number in sorted(found, key=lambda n: len(scene.tree.path(n)), reverse=True):
+        if nodes[number].keys() & _CONTENT:
+            continue
+        if removed.issuperset(nodes[number].get("children", [])):
+            removed.add(number)
+    if removed:
+        file.remove_nodes(removed)
+
+
+def _used_nodes(description: dict[str, Any]) -> set[int] | None:
+    """Nodes that skins and animations refer to; None if extensions may refer to others."""
+    clips, skins = description.get("animations", []), description.get("skins", [])
+    channels = [channel for clip in clips for channel in clip["channels"]]
+    targets = [channel["target"] for channel in channels]
+    owners = [description, *description["nodes"], *description.get("scenes", [])]
+    for owner in (*owners, *skins, *clips, *channels, *targets):
+        if not _WITHOUT_NODES.issuperset(owner.get("extensions", {})):
+            return None
+    found = {target["node"] for target in targets if "node" in target}
+    for skin in skins:
+        found.update(skin["joints"], [skin["skeleton"]] if "skeleton" in skin else [])
     return found

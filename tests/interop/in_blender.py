@@ -86,6 +86,7 @@ def main(arguments):
     facts = {
         "meshes": [facts_of(each) for each in meshes],
         "fps": bpy.context.scene.render.fps / bpy.context.scene.render.fps_base,
+        "empties": sorted(each.name for each in bpy.data.objects if each.type == "EMPTY"),
         "actions": sorted(action.name for action in bpy.data.actions),
     }
     np.savez(output, vertices=np.array(shapes), facts=json.dumps(facts))

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 import deformer
+import scenes
 import tubes
+from deformer.documents import rooted_glb
+from rigs import two_bones
 from shapes import small_model
 
 TOLERANCE = 1e-5
@@ -67,6 +70,48 @@ def test_a_rig_plays_as_it_poses(tmp_path, blender, three, validated):
     assert_near(found.vertices, upright(poses))
     assert set(rig.names) <= set(found.mesh["bones"])
     assert set(found.mesh["groups"]) == set(rig.names)
+
+
+@pytest.mark.parametrize("source", ["obj", "scene"])
+def test_a_rig_has_what_its_document_has(source, tube, tmp_path, blender, three, validated):
+    document, _ = tube
+    if source == "scene":
+        (tmp_path / "scene.glb").write_bytes(scenes.shown_twice().data)
+        document = deformer.load_document(tmp_path / "scene.glb")
+        mesh = deformer.load_mesh(tmp_path / "scene.glb")
+    else:
+        mesh = deformer.load_mesh(tmp_path / "tube.obj")
+    rig, path = two_bones(mesh), tmp_path / "rig.glb"
+    rig.save(path, fps=24.0, like=document)
+    validated(path)
+    frames = range(len(rig.clip))
+    _, owners = rooted_glb(document, mesh.vertices)
+    poses = rig.pose(rig.clip)[:, owners]
+    # In three.js each material of an object has all of its vertices.
+    played = three(path, [frame / 24 for frame in frames])
+    assert_near(played, np.concatenate([poses] * (played.shape[1] // len(owners)), axis=1))
+    found = blender(path, frames)
+    # Blender numbers the vertices material by material, so their ways over all frames are compared.
+    ways = [np.concatenate(list(each), axis=1) for each in (found.vertices, upright(poses))]
+    distance = np.linalg.norm(ways[0][:, None] - ways[1], axis=2)
+    assert len(ways[0]) == len(ways[1])
+    assert max(distance.min(axis=0).max(), distance.min(axis=1).max()) < TOLERANCE
+    for facts in found.facts["meshes"]:
+        assert set(rig.names) == set(facts["bones"]) == set(facts["groups"])
+        assert facts["custom_normals"] and len(facts["uv"]) == len(facts["colours"]) == 1
+    names = {facts["name"]: facts["materials"] for facts in found.facts["meshes"]}
+    shown = {"Body": ["skin"], "Twin": ["skin"]}
+    assert names == (shown if source == "scene" else {"Tube": ["skin", "steel"]})
+    (tmp_path / "still.glb").write_bytes(document.write(mesh.vertices, ".glb"))
+    still = blender(tmp_path / "still.glb")
+    assert found.facts["empties"] == still.facts["empties"]
+    for facts, before in zip(found.facts["meshes"], still.facts["meshes"], strict=True):
+        assert facts["polygon_materials"] == before["polygon_materials"]
+        # Triangles of a node that mirrors them have their corners in the opposite order.
+        (uv,), (expected,) = facts["uv"].values(), before["uv"].values()
+        assert [sorted(uv[n : n + 3]) for n in range(0, len(uv), 3)] == [
+            sorted(expected[n : n + 3]) for n in range(0, len(uv), 3)
+        ]
 
 
 @pytest.mark.parametrize("suffix", [".obj", ".ply", ".glb"])

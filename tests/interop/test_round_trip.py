@@ -73,3 +73,23 @@ def test_a_pose_drops_back_into_the_scene(exported, source, blender, validated, 
     for key in ("uv", "materials", "polygon_materials", "faces"):
         assert found.mesh[key] == own.mesh[key]
     assert found.mesh["name"].split(".")[0] == own.mesh["name"].split(".")[0]
+
+
+def test_a_rig_takes_the_place_of_the_own_one(exported, blender, three, validated, tmp_path):
+    path = exported / "skin.glb"
+    shapes, document = deformer.load_shapes(path), deformer.load_document(path)
+    model = deformer.train(shapes, 4, epochs=10, document=document)
+    rig = deformer.rig(model, 3)
+    rig.save(tmp_path / "rig.glb", like=model)
+    validated(tmp_path / "rig.glb")
+    frames = [0, 5, len(rig.clip) - 1]
+    poses = rig.pose(rig.clip[frames])
+    found, own = blender(tmp_path / "rig.glb", frames), blender(path)
+    diagonal = np.linalg.norm(np.ptp(poses[0], axis=0))
+    played = three(tmp_path / "rig.glb", [frame / 24 for frame in frames])
+    for vertices, expected in ((found.vertices, poses @ UP), (played, poses)):
+        np.testing.assert_allclose(vertices, expected, atol=TOLERANCE * diagonal)
+    for key in ("uv", "materials", "polygon_materials", "faces", "name"):
+        assert found.mesh[key] == own.mesh[key]
+    assert set(found.mesh["groups"]) == set(found.mesh["bones"]) == set(rig.names)
+    assert found.facts["empties"] == [] and len(found.facts["actions"]) == 1

@@ -55,7 +55,9 @@ def test_a_file_plays_as_the_rig_poses_and_its_scene_stays(tmp_path, kind):
     for node in skinned:
         assert node in roots
         assert not {"matrix", "translation", "rotation", "scale"} & node.keys()
-    # The camera is where it was.
+    # The camera is where it was, and nothing else is left.
+    left = [node["name"] for node in new.json["nodes"] if "mesh" not in node]
+    assert left == ["Root", "Eye", "near", "far"]
     eye = io.GltfScene(new).tree.world(2)
     np.testing.assert_array_equal(eye, io.GltfScene(old).tree.world(2))
     assert new.json["animations"][0]["name"] == "examples"
@@ -148,6 +150,7 @@ def test_what_hangs_on_a_mesh_stays_where_it_is(tmp_path):
     asset.json["nodes"][3]["children"] = [lamp]
     asset.add("scenes", {"nodes": [0]})
     asset.add("scenes", {"nodes": [asset.add("nodes", {"name": "Sun"})]})
+    asset.add("scenes", {"name": "Empty"})
     path, mesh, rig = files(tmp_path, "tube.glb", asset.data)
     old = io.GltfScene(asset_of(path.read_bytes()))
     rig.save(tmp_path / "rig.glb", like=path)
@@ -155,7 +158,7 @@ def test_what_hangs_on_a_mesh_stays_where_it_is(tmp_path):
     nodes, shown = new.asset.json["nodes"], new.asset.json["scenes"]
     np.testing.assert_array_equal(new.tree.world(lamp), old.tree.world(lamp))
     assert shown[0] == shown[1] != shown[2]
-    assert len(shown[2]["nodes"]) == 1
+    assert len(shown[2]["nodes"]) == 1 and shown[3] == {"name": "Empty"}
     skinned = [n for n in shown[0]["nodes"] if "skin" in nodes[n]]
     assert [nodes[n]["name"] for n in skinned] == ["Body", "Twin"]
     assert all("children" not in nodes[n] for n in skinned)
@@ -164,11 +167,73 @@ def test_what_hangs_on_a_mesh_stays_where_it_is(tmp_path):
     assert abs(shapes.vertices - rig.pose(rig.clip)).max() < 1e-5 * mesh.bounding_diagonal
 
 
-def test_animations_of_what_is_left_come_after_the_examples(tmp_path):
-    path, _, rig = files(tmp_path, "tube.glb", scenes.deformed().data)
-    new = asset_of(rig.glb(like=path)).json
+def two_skins():
+    """`scenes.deformed` with a lens that moves, and another scene whose mesh has a skin, too."""
+    asset = scenes.deformed()
+    lens = asset.add("nodes", {"name": "Lens", "camera": 0})
+    asset.json["scenes"][0]["nodes"].append(lens)
+    for channel in asset.json["animations"][0]["channels"]:
+        if channel["target"]["node"] == 2:
+            channel["target"]["node"] = lens
+    joint = asset.add("nodes", {"name": "Joint"})
+    asset.add("skins", {"joints": [joint], "skeleton": joint})
+    other = asset.add("nodes", {"name": "Other", "mesh": 0, "skin": 1})
+    asset.add("scenes", {"nodes": [joint, other]})
+    return asset
+
+
+def test_the_former_skeleton_is_removed_and_all_else_keeps_its_references(tmp_path):
+    path, mesh, rig = files(tmp_path, "tube.glb", two_skins().data)
+    rig.save(tmp_path / "rig.glb", like=path)
+    new = asset_of((tmp_path / "rig.glb").read_bytes()).json
+    nodes = new["nodes"]
+
+    def names(numbers):
+        return [nodes[n]["name"] for n in numbers]
+
+    assert names(range(len(nodes))) == [
+        "Root", "Body", "Eye", "Lens", "Joint", "Other", "near", "far"]  # fmt: skip
+    assert names(new["scenes"][0]["nodes"]) == ["Root", "Lens", "Body", "near"]
+    assert names(nodes[0]["children"]) == ["Eye"]
+    assert names(new["scenes"][1]["nodes"]) == ["Joint", "Other"]
+    assert [names(skin["joints"]) for skin in new["skins"]] == [["Joint"], ["near", "far"]]
+    assert [names([skin["skeleton"]]) for skin in new["skins"]] == [["Joint"], ["near"]]
+    assert [(n["name"], n["skin"]) for n in nodes if "skin" in n] == [("Body", 1), ("Other", 0)]
     assert [clip["name"] for clip in new["animations"]] == ["examples", "walk"]
-    assert [channel["target"]["node"] for channel in new["animations"][1]["channels"]] == [2]
+    assert names(c["target"]["node"] for c in new["animations"][1]["channels"]) == ["Lens"]
+    shapes = deformer.load_shapes(tmp_path / "rig.glb", fps=24)
+    assert abs(shapes.vertices - rig.pose(rig.clip)).max() < 1e-5 * mesh.bounding_diagonal
+
+
+def test_nodes_stay_where_an_extension_or_something_on_them_needs_them(tmp_path):
+    kept = {}
+    for name in ("known", "unknown", "socket", "shared"):
+        asset = scenes.deformed()
+        if name == "shared":
+            asset.add("skins", {"joints": [3]})
+            other = asset.add("nodes", {"name": "Other", "mesh": 0, "skin": 1})
+            asset.add("scenes", {"nodes": [3, other]})
+        elif name == "socket":
+            socket = asset.add("nodes", {"name": "Socket"})
+            asset.json["nodes"][3]["children"] = [socket]
+        else:
+            extension = "KHR_lights_punctual" if name == "known" else "EXT_of_nodes"
+            asset.use_extension(extension)
+            asset.json["extensions"] = {extension: {"bone": 3}}
+        path, _, rig = files(tmp_path, f"{name}.glb", asset.data)
+        nodes = asset_of(rig.glb(like=path)).json["nodes"]
+        kept[name] = "Bone" in {node["name"] for node in nodes}
+    assert kept == {"known": False, "unknown": True, "socket": True, "shared": True}
+
+
+def test_groups_of_meshes_alone_are_removed(tmp_path):
+    asset = scenes.plain()
+    asset.json["nodes"][0]["children"] = [1]
+    asset.json["scenes"][0]["nodes"] += [2]
+    path, _, rig = files(tmp_path, "tube.glb", asset.data)
+    new = asset_of(rig.glb(like=path)).json
+    assert [node["name"] for node in new["nodes"]] == ["Body", "Eye", "near", "far"]
+    assert new["scenes"][0]["nodes"] == [1, 0, 2]
 
 
 def test_a_document_of_another_mesh_is_refused(tmp_path):
