@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deformer.acap import vertex_normals
-from deformer.checks import LARGEST, check_memory, checked_array, checked_number
-from deformer.documents import Like, document_of
+from deformer.checks import LARGEST, check_memory, checked_array, checked_choice, checked_number
+from deformer.documents import Like, document_of, upright_glb
 from deformer.geometry import FloatArray, IntArray, Mesh, Seams, no_seams
 from deformer.io import atomic_path, check_output_file
 from deformer.rigging.matrices import Frame, local_matrices, world_matrices
@@ -149,7 +149,7 @@ class Rig:
         matrices = world_matrices(frame.outward(T), self.rest)
         return matrices[0] if given.ndim == 2 else matrices
 
-    def glb(self, fps: float = 24.0, like: Like | None = None) -> bytes:
+    def glb(self, fps: float = 24.0, like: Like | None = None, *, up: str = "y") -> bytes:
         """A GLB file: the skinned mesh, its skeleton, and the clip with one shape a frame.
 
         Args:
@@ -160,16 +160,19 @@ class Rig:
                 (`Document.write`), and vertices are split where that splits them; an OBJ or PLY
                 file without normals gets smooth ones. None writes positions, smooth normals and
                 triangles.
+            up: "y" or "z", the axis that points up. GLB has y up, so that the bones of a rig that
+                is not like a GLB document are on a node that turns z up. Coordinates stay.
 
         Raises:
-            InputError: `fps` is none, or a document of another mesh or a damaged one.
+            InputError: `fps` or `up` is none, or a document of another mesh or a damaged one.
         """
         document = document_of(like)
         if document is not None:
             document.check_fits(len(self.weights), self.reference.faces)
         surface = self._seams.close_mesh(self.reference)
         normals = self._seams.open(vertex_normals(surface.vertices, surface.faces))
-        return rig_glb(
+        checked_choice(up, "up", ("y", "z"))
+        data = rig_glb(
             self.reference,
             normals,
             self.weights,
@@ -180,19 +183,23 @@ class Rig:
             checked_number(fps, "fps", above=0, most=1e6),
             document,
         )
+        return upright_glb(data, up, document)
 
-    def save(self, path: str | Path, fps: float = 24.0, like: Like | None = None) -> None:
+    def save(
+        self, path: str | Path, fps: float = 24.0, like: Like | None = None, *, up: str = "y"
+    ) -> None:
         """Write the GLB file `path`, under a temporary name first.
 
         Args:
             path: the file.
             fps: as of `glb`.
             like: as of `glb`.
+            up: as of `glb`.
 
         Raises:
             InputError: no such folder, a path that cannot be written, or as `glb`.
         """
         check_output_file(path)
-        data = self.glb(fps, like)
+        data = self.glb(fps, like, up=up)
         with atomic_path(path) as temporary:
             temporary.write_bytes(data)

@@ -236,6 +236,27 @@ def test_groups_of_meshes_alone_are_removed(tmp_path):
     assert new["scenes"][0]["nodes"] == [1, 0, 2]
 
 
+@pytest.mark.parametrize("source", ["bare", "tube.obj", "tube.glb"])
+def test_data_with_z_up_stands_upright(tmp_path, source):
+    """With a node that turns it, as glTF has y up; a GLB document has y up already."""
+    name = "tube.glb" if source == "tube.glb" else "tube.obj"
+    path, mesh, rig = files(
+        tmp_path, name, scenes.plain().data if name == "tube.glb" else tubes.obj()
+    )
+    like = None if source == "bare" else path
+    shapes = []
+    for up in ("y", "z"):
+        rig.save(tmp_path / "rig.glb", like=like, up=up)
+        shapes.append(deformer.load_shapes(tmp_path / "rig.glb", fps=24).vertices)
+    expected = shapes[0] if source == "tube.glb" else shapes[0][..., [0, 2, 1]] * [1, 1, -1]
+    assert abs(shapes[1] - expected).max() < 1e-5 * mesh.bounding_diagonal
+    nodes = asset_of((tmp_path / "rig.glb").read_bytes()).json
+    skinned = [n for n, node in enumerate(nodes["nodes"]) if "skin" in node]
+    assert set(skinned) <= set(nodes["scenes"][0]["nodes"])
+    with pytest.raises(InputError, match="up"):
+        rig.glb(up="x")
+
+
 def test_a_document_of_another_mesh_is_refused(tmp_path):
     _, _, rig = files(tmp_path, "tube.glb", scenes.plain().data)
     other, _, _ = files(tmp_path, "tube.obj", tubes.obj())
