@@ -44,6 +44,11 @@ FPS = 24.0
 TOLERANCE = 1e-3
 CACHE_SUFFIXES = (".mdd", ".pc2")
 SEQUENCE_SUFFIXES = (".npz", ".glb", *CACHE_SUFFIXES, *USD_SUFFIXES)
+# Files of other programs: nobody names a directory so.
+_FOREIGN_SUFFIXES = (
+    *(".gltf", ".usdz", ".abc", ".fbx", ".dae", ".3ds", ".x3d", ".bvh", ".blend", ".ma", ".mb"),
+    *(".json", ".zip", ".gif", ".mp4", ".png", ".txt", ".csv"),
+)
 _MOST_FPS = 1e6
 
 
@@ -152,9 +157,10 @@ def check_shapes_output(path: str | Path) -> None:
         usd_library(target)
     if suffix in SEQUENCE_SUFFIXES:
         check_output_file(target)
-    elif suffix in MESH_SUFFIXES:
+    elif suffix in (*MESH_SUFFIXES, *_FOREIGN_SUFFIXES) and not target.is_dir():
+        what = "one mesh file" if suffix in MESH_SUFFIXES else f"a file of format {suffix}"
         raise InputError(
-            f"{target}: names one mesh file, expected one of {', '.join(SEQUENCE_SUFFIXES)} or a "
+            f"{target}: names {what}, expected one of {', '.join(SEQUENCE_SUFFIXES)} or a "
             "directory for a sequence; leave the suffix out or give another"
         )
     else:
@@ -209,6 +215,7 @@ def _save_cache(
             write_mdd(temporary, shapes.vertices, fps)
         else:
             write_pc2(temporary, shapes.vertices)
-    if not there:
-        save_mesh(base, Mesh(shapes.vertices[0], shapes.faces), document)
+        # Before the cache is in its place: an interrupt never leaves one without its mesh.
+        if not there:
+            save_mesh(base, Mesh(shapes.vertices[0], shapes.faces), document)
     return SavedShapes((path, base))

@@ -94,6 +94,11 @@ class Document:
         """One line: name and vertices."""
         return f"Document({self.name}{self.suffix}, {self.vertex_count} vertices)"
 
+    @property
+    def libraries(self) -> tuple[str, ...]:
+        """Names of the material libraries that an OBJ document refers to; else none."""
+        return tuple(material_libraries(self.data)) if self.suffix == ".obj" else ()
+
     def check_fits(self, vertex_count: int, faces: IntArray) -> None:
         """Raise InputError unless a mesh has the document's vertices and faces.
 

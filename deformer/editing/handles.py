@@ -40,6 +40,8 @@ Point = int | SurfacePoint
 
 # Targets farther away, in bounding diagonals, would overflow in single precision.
 FARTHEST = 1e10
+# Targets that are no farther apart, in bounding diagonals, are one.
+_SAME_TARGET = 1e-9
 # Least noise of a sequence, in bounding diagonals: with less the descent over all frames stalls.
 LEAST_SEQUENCE_NOISE = 0.007
 
@@ -207,6 +209,31 @@ def check_points(model: DeformationModel, vertices: ArrayLike | Sequence[Point])
 def closed_point(model: DeformationModel, point: Point) -> Point:
     """A checked point of a model's reference as one of its surface without seams."""
     return plain_point(model.seams.close_point(point))
+
+
+def contradiction(
+    model: DeformationModel, points: Sequence[Point], targets: FloatArray, kinds: Sequence[Kind]
+) -> str | None:
+    """A warning if exact handles at one place of the surface have different targets; else None.
+
+    Args:
+        model: the model whose points they are.
+        points: H checked points.
+        targets: (H, 3) positions.
+        kinds: H kinds.
+    """
+    first: dict[Point, int] = {}
+    for h, point in enumerate(points):
+        if kinds[h] == "soft":
+            continue
+        other = first.setdefault(closed_point(model, point), h)
+        apart = float(np.linalg.norm(targets[h] - targets[other]))
+        if apart > _SAME_TARGET * model.reference.bounding_diagonal:
+            return (
+                f"handles {other} and {h}, at {points[other]} and {points[h]}, are one point of "
+                f"the surface, but their targets are {apart:.3g} apart; it goes to their mean"
+            )
+    return None
 
 
 def check_handles(

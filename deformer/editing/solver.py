@@ -31,6 +31,7 @@ from deformer.editing.handles import (
     check_points,
     check_target,
     closed_point,
+    contradiction,
 )
 from deformer.editing.orientations import LocalFrame, checked_orientations, turned_by
 from deformer.editing.posed_surface import PosedSurface
@@ -112,6 +113,7 @@ class HandleSolver:
         self._search = CodeSearch(energy, self.basis, model.codes)
         self._surface = PosedSurface(self._search, self.basis, relaxation)
         self._warning: str | None = None
+        self._contradiction: str | None = None
         self._handles: list[Handle] = []
         self._misfit = misfit
         self.set_prior(noise=used, freedom=freedom)
@@ -183,6 +185,10 @@ class HandleSolver:
         )
         turns = checked_orientations(orientations, orientation_weights, (len(points),))
         self.warn_of_units(points, goals)
+        warning = contradiction(self.model, points, goals, chosen)
+        if warning is not None and warning != self._contradiction:
+            _log.warning(warning)
+        self._contradiction = warning
         rows = zip(points, goals.tolist(), factors.tolist(), chosen, *turns, strict=True)
         self._assign([Handle(point, (t[0], t[1], t[2]), *rest) for point, t, *rest in rows])
 

@@ -14,7 +14,7 @@ from deformer.io.gltf import GltfAsset
 from deformer.io.gltf_animation import Clip, clip_names, find_clip
 from deformer.io.gltf_meshes import GltfScene
 from deformer.io.polygons import Polygons
-from deformer.io.sampling import check_room, frame_times
+from deformer.io.sampling import check_room, frame_times, shows_a_shape
 
 _log = logging.getLogger("deformer")
 _DEFAULT_FPS = 24.0
@@ -100,10 +100,11 @@ def read_shapes(asset: GltfAsset, fps: float | None, clip: str | int | None) -> 
 
 def _targets(scene: GltfScene) -> MeshSequence:
     defaults = scene.default_weights()
-    shown = any(weights.any() for weights in defaults.values())
-    names = ("base", *scene.target_names, *(["default"] if shown else []))
+    names = ("base", *scene.target_names, "default")
     N, V = len(names), scene.vertex_count
-    check_room(N, V, scene.asset.size, scene.asset.name, "morph targets", "export fewer of them")
+    check_room(
+        N - 1, V, scene.asset.size, scene.asset.name, "morph targets", "export fewer of them"
+    )
     vertices = np.empty((N, V, 3))
     vertices[0] = scene.vertices({}, {}, 1)[0]
     step = max(1, _CHUNK // (3 * V))
@@ -111,12 +112,14 @@ def _targets(scene: GltfScene) -> MeshSequence:
         block = scene.target_names[start : start + step]
         rows = slice(1 + start, 1 + start + len(block))
         vertices[rows] = scene.vertices(scene.weights_of(block), {}, len(block))
-    if shown:
-        vertices[-1] = scene.vertices(_rows(defaults), {}, 1)[0]
-        _log.warning(
-            f"{scene.asset.name}: its default weights are not 0; shape 0 has weights 0, and shape "
-            f"{N - 1}, 'default', is as the file shows it"
-        )
+    vertices[-1] = scene.vertices(_rows(defaults), {}, 1)[0]
+    weights = np.concatenate([np.ravel(w) for w in defaults.values()] or [np.zeros(0)])
+    if not shows_a_shape(weights, vertices[-1], vertices[:-1]):
+        return MeshSequence(vertices[:-1], scene.faces, names[:-1])
+    _log.warning(
+        f"{scene.asset.name}: its default weights are not 0; shape 0 has weights 0, and shape "
+        f"{N - 1}, 'default', is as the file shows it"
+    )
     return MeshSequence(vertices, scene.faces, names)
 
 

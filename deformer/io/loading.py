@@ -13,7 +13,7 @@ from typing import NoReturn, TypeVar
 
 import numpy as np
 
-from deformer.checks import checked_path, shortened
+from deformer.checks import checked_instance, checked_path, shortened
 from deformer.errors import InputError
 from deformer.geometry import FARTHEST, FloatArray, IntArray, Mesh, MeshSequence
 from deformer.io.atomic import PathLike, check_file, read_bytes
@@ -137,7 +137,7 @@ def shape_files(path: PathLike) -> list[Path]:
     return _shape_files(source) if source.is_dir() else [source]
 
 
-def load_mesh(path: PathLike) -> Mesh:
+def load_mesh(path: PathLike, like: Mesh | None = None) -> Mesh:
     """Load one OBJ, PLY, OFF, STL, GLB, glTF or USD file.
 
     Of a file with morph targets, a skin or animations the mesh is as the file shows it: with its
@@ -145,11 +145,30 @@ def load_mesh(path: PathLike) -> Mesh:
 
     Args:
         path: the file; its suffix is that of the format.
+        like: a mesh of the same connectivity, whose triangles the result has: programs write
+            faces in another order, or from another corner on, and polygons may be cut otherwise.
 
     Raises:
-        InputError: the file is missing, broken or of another kind.
+        InputError: the file is missing, broken or of another kind, or a mesh of another
+            connectivity than `like`.
     """
-    return _load_files([checked_path(path, "path")], None).mesh(0)
+    file = checked_path(path, "path")
+    if like is None:
+        return _load_files([file], None).mesh(0)
+    checked_instance(like, "like", Mesh, remedy="load one with load_mesh")
+    vertices, polygons = _read_file(file, _reader(file))
+    _check_finite(vertices, str(file))
+    faces = _guarded(file, lambda: polygons.triangles(vertices, str(file)))
+    V = len(like.vertices)
+    if len(vertices) == V and (np.array_equal(faces, like.faces) or polygons.covers(like.faces)):
+        return Mesh(vertices, like.faces)
+    same = len(vertices) == V and len(faces) == len(like.faces)
+    raise InputError(
+        f"{file}: {len(vertices)} vertices and {len(faces)} triangles, expected the connectivity "
+        f"of the other shapes, {V} and {len(like.faces)}"
+        + (", and has other triangles" if same else "")
+        + "; export it from the same mesh, vertices in the same order"
+    )
 
 
 def _shape_files(directory: Path) -> list[Path]:
@@ -188,17 +207,23 @@ def _shape_files(directory: Path) -> list[Path]:
     return files
 
 
+def _reader(file: Path) -> _Reader:
+    """A reader of the files of one sequence, of which this is the first."""
+    suffix = file.suffix.lower()
+    if suffix in CACHE_SUFFIXES:
+        raise InputError(
+            f"{file}: is a point cache, expected one mesh; read its frames with load_shapes"
+        )
+    if suffix not in _READERS:
+        if not file.exists():
+            raise InputError(f"{file}: does not exist; check the path")
+        raise _unknown_suffix(file)
+    return _READERS[suffix]()
+
+
 def _load_files(files: list[Path], progress: Callable[[int, int], None] | None) -> MeshSequence:
     first = files[0]
-    if first.suffix.lower() in CACHE_SUFFIXES:
-        raise InputError(
-            f"{first}: is a point cache, expected one mesh; read its frames with load_shapes"
-        )
-    if first.suffix.lower() not in _READERS:
-        if not first.exists():
-            raise InputError(f"{first}: does not exist; check the path")
-        raise _unknown_suffix(first)
-    read = _READERS[first.suffix.lower()]()
+    read = _reader(first)
     vertices, polygons = _read_file(first, read)
     _check_finite(vertices, str(first))
     faces = _guarded(first, lambda: polygons.triangles(vertices, str(first)))

@@ -49,6 +49,30 @@ class Polygons:
         pairs = zip(self._sorted(), other._sorted(), strict=True)
         return all(np.array_equal(a, b) for a, b in pairs)
 
+    def covers(self, faces: IntArray) -> bool:
+        """True if triangles (F, 3) are what the polygons are cut into, whichever way."""
+        if len(faces) != (self.counts - 2).sum():
+            return False
+        starts = np.cumsum(self.counts) - self.counts
+        polygon = np.repeat(np.arange(len(self.counts)), self.counts)
+        place = np.arange(len(self.corners)) - starts[polygon]
+        around: dict[int, dict[int, int]] = {}
+        for vertex, p, n in zip(
+            self.corners.tolist(), polygon.tolist(), place.tolist(), strict=True
+        ):
+            around.setdefault(vertex, {})[p] = n
+        counts, left = self.counts.tolist(), (self.counts - 2).tolist()
+        for triangle in faces.tolist():
+            a, b, c = (around.get(vertex, {}) for vertex in triangle)
+            for p in a.keys() & b.keys() & c.keys():
+                forward = (b[p] - a[p]) % counts[p] < (c[p] - a[p]) % counts[p]
+                if left[p] and forward and len(set(triangle)) == 3:
+                    left[p] -= 1
+                    break
+            else:
+                return False
+        return True
+
     def _sorted(self) -> list[IntArray]:
         """Polygons (m, k) of each number k of corners, each from its least index on, sorted."""
         found = []

@@ -10,7 +10,6 @@ from deformer.checks import checked_instance, checked_integer, is_unicode, short
 from deformer.errors import InputError
 from deformer.geometry import MeshSequence
 from deformer.io.loading import load_mesh
-from deformer.io.polygons import Polygons
 
 
 def with_reference(shapes: MeshSequence, reference: str | int | Path) -> tuple[MeshSequence, int]:
@@ -43,14 +42,7 @@ def with_reference(shapes: MeshSequence, reference: str | int | Path) -> tuple[M
             f"reference: expected {names}a number of 0…{len(shapes) - 1} or a mesh file, got "
             f"{shortened(text)}; give one of them"
         )
-    mesh = load_mesh(text)
-    given, known = (Polygons.of_triangles(f) for f in (mesh.faces, shapes.faces))
-    if len(mesh.vertices) != shapes.vertices.shape[1] or not given.same_faces(known):
-        raise InputError(
-            f"{text}: {len(mesh.vertices)} vertices and {len(mesh.faces)} triangles, expected the "
-            f"connectivity of the shapes, {shapes.vertices.shape[1]} and {len(shapes.faces)}; "
-            "export the reference from the same mesh"
-        )
+    mesh = load_mesh(text, like=shapes.mesh(0))
     names = (Path(text).stem, *shapes.names) if shapes.names else ()
     vertices = np.concatenate([mesh.vertices[None], shapes.vertices])
     return MeshSequence(vertices, shapes.faces, names), 0

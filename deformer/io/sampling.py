@@ -1,4 +1,4 @@
-"""Times at which animations are sampled, and how many shapes a file may hold."""
+"""What is read of files with several shapes: times of animations, weights of targets, how many."""
 
 from __future__ import annotations
 
@@ -37,10 +37,7 @@ def frame_times(start: float, end: float, fps: float, name: str) -> FloatArray:
 
 def checked_fps(fps: float) -> float:
     """Frames a second, above 0; InputError for anything else."""
-    found = checked_number(fps, "fps")
-    if not 0 < found <= 1e6:
-        raise InputError(f"fps: {found:g}, expected a number above 0; give frames a second")
-    return found
+    return checked_number(fps, "fps", above=0, most=1e6, remedy="give frames a second")
 
 
 def check_room(
@@ -65,3 +62,19 @@ def check_room(
             f"{name}: {count} {what} of {vertex_count} vertices take {size / 1e9:.1f} GB, "
             f"{_MOST_GROWN} times the size of the file or more; {remedy}"
         )
+
+
+def shows_a_shape(weights: FloatArray, shown: FloatArray, shapes: FloatArray) -> bool:
+    """True if what a file shows by the weights of its targets is one more example shape.
+
+    It is none with all weights 0, or all 1 for several targets: Blender makes shape keys with the
+    value 1, and their sum is no shape that anyone has seen. Nor is a shape that is there already.
+
+    Args:
+        weights: (T,) weights of all targets.
+        shown: (V, 3) the shape by these weights.
+        shapes: (N, V, 3) the base and the targets.
+    """
+    all_on = len(weights) > 1 and (weights == 1.0).all()
+    known = any(np.array_equal(shown, shape) for shape in shapes)
+    return bool(weights.any()) and not all_on and not known

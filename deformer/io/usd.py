@@ -17,7 +17,7 @@ from deformer.geometry import FloatArray, MeshSequence
 from deformer.io.atomic import check_file
 from deformer.io.parsing import checked_polygons, distinct
 from deformer.io.polygons import Polygons
-from deformer.io.sampling import check_room, frame_times
+from deformer.io.sampling import check_room, frame_times, shows_a_shape
 from deformer.io.usd_meshes import UsdMesh
 from deformer.io.usd_modules import usd_library
 
@@ -163,8 +163,10 @@ class _Stage:
         N, V = len(names) + 1, self.vertex_count
         check_room(N, V, self._size, self.name, "blend shapes", "export fewer of them")
         vertices = [self.vertices(None, weights) for _, weights in wanted]
-        if not moving and any(mesh.shown_weights().any() for mesh in self._meshes):
-            vertices.append(self.vertices(None, None))
+        weights = np.concatenate([mesh.shown_weights() for mesh in self._meshes])
+        shown = self.vertices(None, None)
+        if not moving and shows_a_shape(weights, shown, np.stack(vertices)):
+            vertices.append(shown)
             names = (*names, "default")
             _log.warning(
                 f"{self.name}: its weights are not 0; shape 0 has weights 0, and shape "

@@ -88,3 +88,11 @@ def test_a_failure_leaves_the_old_file(tmp_path, shapes, suffix, monkeypatch):
 
 def _full(*_):
     raise OSError(28, "disk full")
+
+
+@pytest.mark.parametrize("suffix", [".fbx", ".gltf", ".usdz", ".abc"])
+def test_files_of_other_formats_are_no_directories(suffix, tmp_path):
+    with pytest.raises(InputError, match=rf"names a file of format \{suffix}, expected one of"):
+        check_shapes_output(tmp_path / f"walk{suffix}")
+    assert not list(tmp_path.iterdir())
+    check_shapes_output(tmp_path / "walk.v2")

@@ -66,6 +66,16 @@ def test_names_that_are_missing_or_come_twice_are_told_apart(tmp_path):
         assert load(tmp_path, file).names == ("base", *expected)
 
 
+@pytest.mark.parametrize("weights", [[0, 0], [1, 1], [1, 0], [0, 1]])
+def test_default_weights_that_show_no_new_shape_give_none(tmp_path, weights, caplog):
+    """All off; all on, as Blender makes keys; one on, which is there already."""
+    file, _, _ = with_targets()
+    file.json["meshes"][0]["weights"] = weights
+    with caplog.at_level(logging.WARNING, "deformer"):
+        assert load(tmp_path, file).names == ("base", "up", "wide")
+    assert not caplog.records
+
+
 @pytest.mark.parametrize("owner", ["nodes", "meshes"])
 def test_default_weights_give_one_more_shape(tmp_path, owner, caplog):
     file, up, wide = with_targets()

@@ -861,3 +861,19 @@ def test_handle_errors(tmp_path, text, parts):
     message = refusal(io.load_handles, write(tmp_path / "handles.json", text), 5)
     for part in ["handles.json", *parts]:
         assert part in message
+
+
+def test_a_mesh_like_another_has_its_triangles(tmp_path):
+    """Its quads may begin at another corner, and come in another order."""
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0]])
+    text = "".join(f"v {x} {y} {z}\n" for x, y, z in points.tolist())
+    (tmp_path / "a.obj").write_text(text + "f 1 2 3 4\nf 2 5 6 3\n")
+    (tmp_path / "b.obj").write_text(text + "f 6 3 2 5\nf 2 3 4 1\n")
+    (tmp_path / "c.obj").write_text(text + "f 6 3 2 5\nf 2 1 4 3\n")
+    first = io.load_mesh(tmp_path / "a.obj")
+    assert not np.array_equal(io.load_mesh(tmp_path / "b.obj").faces, first.faces)
+    np.testing.assert_array_equal(io.load_mesh(tmp_path / "b.obj", first).faces, first.faces)
+    with pytest.raises(InputError, match=r"c\.obj: 6 vertices and 4 triangles, .* other triangles"):
+        io.load_mesh(tmp_path / "c.obj", first)
+    with pytest.raises(InputError, match=r"other shapes, 3 and 1"):
+        io.load_mesh(tmp_path / "b.obj", Mesh(points[:3], [[0, 1, 2]]))

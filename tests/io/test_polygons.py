@@ -191,3 +191,16 @@ def test_other_faces_are_refused(tmp_path, faces, found):
     with pytest.raises(InputError) as caught:
         io.load_shapes(tmp_path)
     assert "1.obj" in str(caught.value) and found in str(caught.value)
+
+
+def test_triangles_that_a_polygon_may_be_cut_into():
+    """Whichever diagonals are taken, in any order; not turned over, and not others."""
+    polygons = Polygons(np.array([0, 1, 2, 3, 4, 0, 4, 5, 6]), np.array([5, 4]))
+    fan, other = [[0, 1, 2], [0, 2, 3], [0, 3, 4]], [[3, 4, 1], [4, 0, 1], [1, 2, 3]]
+    for five in (fan, other):
+        for four in ([[0, 4, 5], [0, 5, 6]], [[6, 0, 4], [4, 5, 6]]):
+            assert polygons.covers(np.array(four + five))
+    assert not polygons.covers(np.array([*fan, [0, 5, 4], [0, 6, 5]]))
+    assert not polygons.covers(np.array([*fan, [0, 4, 5]]))
+    assert not polygons.covers(np.array([*fan, [0, 4, 5], [0, 5, 7]]))
+    assert not polygons.covers(np.array([*fan[:2], [0, 4, 5], [0, 5, 6], [4, 5, 6]]))

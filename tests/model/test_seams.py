@@ -94,6 +94,18 @@ def test_two_handles_at_one_place_are_one(models, closed):
     np.testing.assert_allclose(solver.solve().vertices, other.solve().vertices[closed], atol=1e-6)
 
 
+def test_exact_handles_that_contradict_each_other_are_told(models, caplog):
+    model, p = models[0], models[0].reference.vertices
+    solver = HandleSolver(model)
+    solver.set_handles([48, 120], p[[48, 120]], hard=True)
+    solver.set_handles([48, 120], p[[48, 120]] + [[0, 0, 0], [0, 0.2, 0]])
+    assert not caplog.records
+    for _ in range(2):
+        solver.set_handles([48, 120], p[[48, 120]] + [[0, 0, 0], [0, 0.2, 0]], hard=True)
+    (record,) = caplog.records
+    assert "48 and 120, are one point" in record.message and "0.2 apart" in record.message
+
+
 def test_orientations_and_points_of_the_surface(models, closed):
     model, whole = models
     shape = cut(sequence(8)).vertices[6]

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import deformer
+from deformer_app import console
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -73,6 +74,7 @@ def save(
     up = "z" if model.summary.get("up") == "z" else "y"
     if vertices.ndim == 2:
         deformer.save_mesh(path, deformer.Mesh(vertices, faces), like=like, up=up)
+        _name_libraries(path, like)
         return {}
     given = timing or Timing()
     saved = deformer.save_shapes(
@@ -91,3 +93,13 @@ def save(
         if not saved.principal:
             found["morph_note"] = "one target a frame: the frames have too little in common"
     return found
+
+
+def _name_libraries(path: Path, like: DeformationModel | None) -> None:
+    """Note the material libraries that an OBJ file needs beside it."""
+    document = like.document if like is not None else None
+    if document is None or path.suffix.lower() != ".obj":
+        return
+    missing = [name for name in document.libraries if not (path.parent / Path(name).name).exists()]
+    if missing:
+        console.note(f"{path.name} takes its materials from {missing[0]}: copy that beside it")

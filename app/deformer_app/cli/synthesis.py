@@ -214,13 +214,7 @@ def _shape(model: DeformationModel, text: str) -> NDArray:
 
 
 def _loaded(model: DeformationModel, path: Path) -> NDArray:
-    mesh = deformer.load_mesh(path)
-    if not np.array_equal(mesh.faces, model.reference.faces):
-        raise InputError(
-            f"{path}: {len(mesh.vertices)} vertices and {len(mesh.faces)} faces, not of the "
-            f"model's connectivity ({len(model.reference.vertices)}, {len(model.reference.faces)})"
-        )
-    return mesh.vertices
+    return deformer.load_mesh(path, like=model.reference).vertices
 
 
 def _check(request: Request, spaces: tuple[BlendSpace, ...]) -> None:
