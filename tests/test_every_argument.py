@@ -57,6 +57,7 @@ OTHERS = {
     # Parts of files, and what reading gives.
     *("io.GlbBuilder", "io.glb_of", "io.VERTICES", "io.INDICES"),
     *("io.GltfAsset", "io.GltfScene", "io.VertexRange"),
+    *("io.UsdMesh", "io.UsdScene", "io.open_usd"),
     *("io.PlyElement", "io.PlyProperty", "io.ply_header", "io.ply_row"),
 }
 

@@ -95,16 +95,18 @@ def save_shapes(
     Args:
         path: the file or directory.
         shapes: the sequence.
-        format: "obj", "ply", "off", "stl" or "glb", for a directory; None is that of the document,
-            or PLY without one. See `save_mesh` on precision.
+        format: "obj", "ply", "off", "stl" or "glb", with a USD document also "usd", "usda" or
+            "usdc", for a directory; None is that of the document, or PLY without one. See
+            `save_mesh` on precision.
         like: what the files have beside positions and triangles, as of `save_mesh`.
         fps: frames a second.
         tolerance: of a GLB, the largest distance of a vertex from its place, as a share of the
             bounding-box diagonal of the first shape. Rounding to single precision comes on top.
         name: of GLB and USD, name of the clip and of a mesh without a document; None is the stem
             of the path.
-        up: "y" or "z", the axis that points up. USD says which; GLB has y up, so that clips
-            that are not like a GLB document have a node that turns z up. Coordinates stay.
+        up: "y" or "z", the axis that points up, unless the document is GLB or USD, which say so
+            themselves. USD says which; GLB has y up, so that clips of other documents have a node
+            that turns z up. Coordinates stay.
 
     Returns:
         the files, and the number and the error of the morph targets.

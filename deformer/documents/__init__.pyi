@@ -1,5 +1,6 @@
 from .document import (
     DOCUMENT_SUFFIXES as DOCUMENT_SUFFIXES,
+    USD_SUFFIXES as USD_SUFFIXES,
     Document as Document,
     checked_document as checked_document,
     load_document as load_document,
@@ -14,7 +15,4 @@ from .saving import (
     save_mesh as save_mesh,
 )
 from .text_files import single_precision as single_precision
-from .usd import (
-    USD_SUFFIXES as USD_SUFFIXES,
-    write_usd as write_usd,
-)
+from .usd import write_usd as write_usd

@@ -32,6 +32,8 @@ from deformer.documents.obj import (
 from deformer.documents.off import off_of
 from deformer.documents.ply import ply_of, ply_polygons, rewritten_ply
 from deformer.documents.polygons import PolygonMesh
+from deformer.documents.usd_file import flattened_usd, opened_usd, rewritten_usd, up_axis
+from deformer.documents.usd_polygons import usd_polygons
 from deformer.errors import InputError
 from deformer.geometry import FARTHEST, FloatArray, IntArray, Mesh, checked_faces
 from deformer.io import (
@@ -39,13 +41,15 @@ from deformer.io import (
     GltfScene,
     load_mesh,
     mesh_bytes,
+    open_usd,
     packed_gltf,
     read_bytes,
     read_gltf,
     shape_files,
 )
 
-DOCUMENT_SUFFIXES = (".obj", ".ply", ".glb")
+DOCUMENT_SUFFIXES = (".obj", ".ply", ".glb", ".usdc")
+USD_SUFFIXES = (".usd", ".usda", ".usdc")
 T = TypeVar("T")
 _MOST_LIBRARY = 10_000_000  # bytes of a material library
 
@@ -55,8 +59,9 @@ class Document:
     """A mesh file with all that it has beside positions and triangles.
 
     Args:
-        suffix: ".obj", ".ply" or ".glb", the format of `data`.
-        data: contents of the file; a GLB has all buffers and images inside.
+        suffix: ".obj", ".ply", ".glb" or ".usdc", the format of `data`.
+        data: contents of the file; a GLB has all buffers and images inside, and a USD stage all
+            layers, but no textures.
         name: stem of the file's name.
         vertex_count: V.
         faces: (F, 3) the file's triangles, as `load_shapes` reads them.
@@ -123,21 +128,37 @@ class Document:
 
         Args:
             vertices: (V, 3) positions, in the file's order.
-            suffix: suffix of a mesh format; None for the document's own.
+            suffix: suffix of a mesh format; None for the document's own. A USD document is written
+                as .usd, .usda or .usdc.
 
         Raises:
             InputError: an array of another shape, positions that are not finite or too large for
-                the format, an unknown suffix, or a file that is damaged beside its positions and
-                triangles.
+                the format, an unknown suffix, a file that is damaged beside its positions and
+                triangles, or a USD document without usd-core.
         """
         points = checked_array(vertices, "vertices", (self.vertex_count, 3), largest=FARTHEST)
         target = self.suffix if suffix is None else checked_text(suffix, "suffix").lower()
+        if self.suffix == ".usdc" and target in USD_SUFFIXES:
+            return self.rewritten_usd(points[None], target)
         if target == self.suffix:
             return self.guarded(lambda: self._rewritten(points))
         if target in _WRITERS:
             polygons = self.polygons()
             return self.guarded(lambda: _WRITERS[target](points, polygons, self.faces))
         return mesh_bytes(Mesh(points, self.faces), target)
+
+    def rewritten_usd(self, shapes: FloatArray, suffix: str, fps: float | None = None) -> bytes:
+        """The stage of a USD document with the positions of several shapes.
+
+        Args:
+            shapes: (F, V, 3) positions; one without `fps`.
+            suffix: ".usd", ".usda" or ".usdc".
+            fps: frames a second of time samples; None for a pose without.
+
+        Raises:
+            InputError: as of `write`.
+        """
+        return self.guarded(lambda: rewritten_usd(self.data, shapes, suffix, self._label, fps))
 
     def guarded(self, write: Callable[[], T]) -> T:
         """What a function returns that works on the document's contents.
@@ -156,6 +177,29 @@ class Document:
                 f"({type(error).__name__}); write positions and triangles alone, or export the "
                 "file again and train on it"
             ) from error
+
+    @property
+    def _label(self) -> str:
+        return f"document {self.name}{self.suffix}"
+
+    @cached_property
+    def _up(self) -> str | None:
+        return self.guarded(lambda: up_axis(opened_usd(self.data, self._label)))
+
+    @property
+    def up(self) -> str | None:
+        """The axis that points up, "y" or "z"; None for formats that do not say.
+
+        Raises:
+            InputError: a USD document that is damaged, or usd-core is missing.
+        """
+        if self.suffix == ".usdc":
+            return self._up
+        return "y" if self.suffix == ".glb" else None
+
+    @cached_property
+    def _usd_polygons(self) -> PolygonMesh:
+        return usd_polygons(opened_usd(self.data, self._label))
 
     @cached_property
     def _obj(self) -> ObjFile:
@@ -185,6 +229,8 @@ class Document:
                 return self._obj.polygons(self.colours)
             case ".ply":
                 return ply_polygons(self.data)
+            case ".usdc":
+                return self._usd_polygons
             case _:
                 return glb_polygons(self.data)
 
@@ -210,8 +256,11 @@ def load_document(path: str | Path) -> Document | None:
     Raises:
         InputError: the file is missing, broken or of another kind.
     """
-    file = shape_files(checked_path(path, "path"))[0]
+    files = shape_files(checked_path(path, "path"))
+    file = files[0]
     suffix = file.suffix.lower()
+    if suffix in (*USD_SUFFIXES, ".usdz"):
+        return _usd_document(file, len(files) == 1)
     if suffix not in (*DOCUMENT_SUFFIXES, ".gltf"):
         if suffix not in (*SHAPE_SUFFIXES, ".npz"):
             load_mesh(file)
@@ -227,6 +276,23 @@ def load_document(path: str | Path) -> Document | None:
         suffix, data = ".glb", packed_gltf(file)
     colours = _library_colours(file, data) if suffix == ".obj" else {}
     return Document(suffix, data, file.stem, count, faces, colours)
+
+
+def _usd_document(file: Path, alone: bool) -> Document:
+    """The document of a USD file; `alone` is true if it is no file of a directory of several."""
+    mesh = load_mesh(file)
+    scene = open_usd(file)
+    faces = scene.faces(base=alone)
+    try:
+        data = flattened_usd(scene, file.parent)
+    except InputError:
+        raise
+    # What the library says of a stage that it cannot flatten is as varied as stages are.
+    except Exception as error:
+        raise InputError(
+            f"{file}: cannot be flattened ({type(error).__name__}); export one flattened file"
+        ) from error
+    return Document(".usdc", data, file.stem, len(mesh.vertices), faces)
 
 
 def _has_other_files(file: Path) -> bool:

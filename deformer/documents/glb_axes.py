@@ -20,10 +20,11 @@ def upright_glb(data: bytes, up: str, document: Document | None = None) -> bytes
     Args:
         data: the file.
         up: "y" or "z", the axis that points up; "y" changes nothing.
-        document: of the file. One that is a GLB file has its y axis up already, and nothing is
-            changed.
+        document: of the file. One that is GLB or USD says itself which axis points up; GLB has y
+            up, and nothing is changed.
     """
-    if up == "y" or (document is not None and document.suffix == ".glb"):
+    own = document.up if document is not None else None
+    if (own or up) == "y":
         return data
     source = GltfAsset(data, "the document")
     asset = GlbBuilder.of(copy.deepcopy(source.json), source.buffer(0, "the file"))

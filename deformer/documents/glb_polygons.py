@@ -88,7 +88,7 @@ def _colours(scene: GltfScene, ranges: tuple[VertexRange, ...]) -> FloatArray | 
         if len(values) != part.count or values.shape[1] not in (3, 4):
             return None
         rows = np.clip(values, 0, 1)
-        rows[:, :3] = _encoded(rows[:, :3])
+        rows[:, :3] = encoded_colours(rows[:, :3])
         found[part.start : part.start + part.count, : rows.shape[1]] = rows
     return found if (found[:, 3] < 1).any() else found[:, :3]
 
@@ -190,5 +190,6 @@ def linear_colours(colours: FloatArray) -> FloatArray:
     return np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
 
 
-def _encoded(colours: FloatArray) -> FloatArray:
+def encoded_colours(colours: FloatArray) -> FloatArray:
+    """Linear colours of 0 to 1, encoded as sRGB."""
     return np.where(colours <= 0.0031308, colours * 12.92, 1.055 * colours ** (1 / 2.4) - 0.055)

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from deformer.checks import checked_choice, checked_instance, checked_path, shortened
-from deformer.documents.document import Document, load_document
+from deformer.documents.document import USD_SUFFIXES, Document, load_document
 from deformer.documents.glb_axes import upright_glb
-from deformer.documents.usd import USD_SUFFIXES, write_usd
+from deformer.documents.usd import write_usd
 from deformer.errors import InputError
 from deformer.geometry import Mesh
 from deformer.io import (
@@ -45,8 +45,9 @@ def save_mesh(path: str | Path, mesh: Mesh, like: Like | None = None, *, up: str
         like: what the file has beside positions and triangles: a document, a model with its
             document, or the path of a file or directory of shapes. None, or one without anything
             more, writes positions and triangles alone.
-        up: "y" or "z", the axis that points up. USD says which; GLB has y up, so that files
-            that are not like a GLB document have a node that turns z up. Coordinates stay.
+        up: "y" or "z", the axis that points up, unless the document is GLB or USD, which say so
+            themselves. USD says which; GLB has y up, so that files of other documents have a node
+            that turns z up. Coordinates stay.
 
     Raises:
         InputError: an unknown suffix, a directory that is missing or not writable, or a document

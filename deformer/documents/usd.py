@@ -15,8 +15,6 @@ from deformer.documents.text_files import single_precision
 from deformer.geometry import FloatArray, IntArray
 from deformer.io import usd_library
 
-USD_SUFFIXES = (".usd", ".usda", ".usdc")
-
 
 def write_usd(
     path: Path,
@@ -32,7 +30,8 @@ def write_usd(
 
     It has the polygons, texture coordinates (`primvars:st`), normals, vertex colours
     (`primvars:displayColor`) and materials with their base colours of the document. Points are
-    counted as in the shapes, in their own units, which are said to be metres.
+    counted as in the shapes, in their own units, which are said to be metres. With a document that
+    is USD itself it is that stage, which decides names, units and the axis that points up.
 
     Args:
         path: the file, named .usda for text, .usdc for binary, or .usd, which is binary, too.
@@ -48,6 +47,10 @@ def write_usd(
         InputError: usd-core is missing, or a position is too large for single precision.
     """
     pxr = usd_library(path)
+    if document is not None and document.suffix == ".usdc":
+        rate = fps if len(shapes) > 1 else None
+        path.write_bytes(document.rewritten_usd(shapes, path.suffix.lower(), rate))
+        return
     mesh = document.polygons() if document is not None else None
     stage = pxr.Usd.Stage.CreateNew(str(path))
     writer = _Writer(pxr, stage, name, up)

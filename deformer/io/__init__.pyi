@@ -71,4 +71,9 @@ from .tensors import (
     read_tensors as read_tensors,
     write_tensors as write_tensors,
 )
+from .usd import (
+    UsdScene as UsdScene,
+    open_usd as open_usd,
+)
+from .usd_meshes import UsdMesh as UsdMesh
 from .usd_modules import usd_library as usd_library

@@ -34,8 +34,9 @@ _WRITERS: dict[str, Callable[[FloatArray, IntArray], bytes]] = {
 }
 MESH_SUFFIXES = tuple(_WRITERS)
 _SUFFIX_LIST = ", ".join(MESH_SUFFIXES)
+_WITH_DOCUMENT = (".usd", ".usda", ".usdc")  # written by functions that are given
 _WAIT = 30.0  # seconds for another process that writes the same directory
-_WRITTEN_NAME = re.compile(r"\d{4,}\.(obj|ply|off|stl|glb)")
+_WRITTEN_NAME = re.compile(r"\d{4,}\.(obj|ply|off|stl|glb|usd|usda|usdc)")
 
 
 def save_mesh(path: PathLike, mesh: Mesh) -> None:
@@ -119,7 +120,7 @@ def save_shape_files(
     """
     target = checked_path(path, "path")
     suffix = f".{format.lower().removeprefix('.')}"
-    if suffix not in _WRITERS:
+    if suffix not in (_WRITERS if write is None else (*_WRITERS, *_WITH_DOCUMENT)):
         raise InputError(f"{target}: format {format!r}, expected one of {_SUFFIX_LIST}; choose one")
     digits = max(4, len(str(len(shapes) - 1)))
     with locked(target, _WAIT), atomic_directory(target, _is_written) as work:

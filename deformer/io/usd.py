@@ -13,7 +13,7 @@ import numpy as np
 
 from deformer.checks import shortened
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, MeshSequence
+from deformer.geometry import FloatArray, IntArray, MeshSequence
 from deformer.io.atomic import check_file
 from deformer.io.parsing import checked_polygons, distinct
 from deformer.io.polygons import Polygons
@@ -41,8 +41,8 @@ class UsdReader:
         Raises:
             InputError: as of `read_usd_shapes`.
         """
-        stage = _Stage(Path(name))
-        return stage.vertices(None, None), stage.polygons
+        scene = open_usd(Path(name))
+        return scene.vertices(None, None), scene.polygons
 
 
 def read_usd_shapes(path: Path, fps: float | None, clip: str | int | None) -> MeshSequence:
@@ -63,7 +63,7 @@ def read_usd_shapes(path: Path, fps: float | None, clip: str | int | None) -> Me
             outside of its folder or that are missing, changes its connectivity, or has no such
             clip.
     """
-    stage = _Stage(path)
+    stage = open_usd(path)
     times = stage.times()
     if clip is not None and (clip not in (_CLIP, 0, "0") or len(times) < 2):
         has = f"expected {_CLIP!r}" if len(times) > 1 else "and nothing in the file moves"
@@ -84,30 +84,43 @@ def read_usd_shapes(path: Path, fps: float | None, clip: str | int | None) -> Me
     return MeshSequence(vertices[None], faces)
 
 
-class _Stage:
-    """The meshes of one opened stage."""
+class UsdScene:
+    """The meshes of one opened stage, in the order in which their vertices are counted.
 
-    def __init__(self, path: Path) -> None:
-        check_file(path)
-        self.name = str(path)
-        self._size = path.stat().st_size
-        self._stage: Any = _opened(path)
-        self._meshes = self._found()
-        if not self._meshes:
+    `stage` is the stage, `size` its bytes, `meshes` are those with faces, `polygons` the polygons
+    of all of them, and `shape_names` the names of their blend shapes.
+    """
+
+    def __init__(self, stage: Any, name: str, size: int) -> None:
+        """Find the meshes.
+
+        Args:
+            stage: a Usd.Stage.
+            name: file name for messages.
+            size: bytes of the file, which bound what is read from it.
+
+        Raises:
+            InputError: no mesh, point instancers, or faces that do not fit the points.
+        """
+        self.name = name
+        self.size = size
+        self.stage = stage
+        self.meshes = self._found()
+        if not self.meshes:
             raise InputError(
-                f"{path}: no faces, expected a stage with a mesh; export it with its meshes"
+                f"{name}: no faces, expected a stage with a mesh; export it with its meshes"
             )
-        self.vertex_count = sum(mesh.count for mesh in self._meshes)
-        check_room(1, self.vertex_count, self._size, self.name, "meshes", "export fewer instances")
+        self.vertex_count = sum(mesh.count for mesh in self.meshes)
+        check_room(1, self.vertex_count, self.size, self.name, "meshes", "export fewer instances")
         self.polygons = self._joined()
-        self.shape_names = tuple(dict.fromkeys(n for mesh in self._meshes for n in mesh.shapes))
+        self.shape_names = tuple(dict.fromkeys(n for mesh in self.meshes for n in mesh.shapes))
 
     def _found(self) -> list[UsdMesh]:
         pxr = usd_library(self.name)
         cache = pxr.UsdSkel.Cache()
         populated: set[str] = set()
         found = []
-        prims = pxr.Usd.PrimRange.Stage(self._stage, pxr.Usd.TraverseInstanceProxies())
+        prims = pxr.Usd.PrimRange.Stage(self.stage, pxr.Usd.TraverseInstanceProxies())
         for number, prim in enumerate(prims):
             if number >= _MOST_PRIMS:
                 raise InputError(
@@ -132,16 +145,25 @@ class _Stage:
         return found
 
     def _joined(self) -> Polygons:
-        starts = np.cumsum([0, *(mesh.count for mesh in self._meshes)])
-        corners = [m.polygons.corners + s for m, s in zip(self._meshes, starts[:-1], strict=True)]
-        counts = np.concatenate([mesh.polygons.counts for mesh in self._meshes])
+        starts = np.cumsum([0, *(mesh.count for mesh in self.meshes)])
+        corners = [m.polygons.corners + s for m, s in zip(self.meshes, starts[:-1], strict=True)]
+        counts = np.concatenate([mesh.polygons.counts for mesh in self.meshes])
         return checked_polygons(
             np.concatenate(corners), counts, self.vertex_count, self.name, lambda i: f"face {i}"
         )
 
+    def faces(self, base: bool) -> IntArray:
+        """Triangles (F, 3) of the first shape.
+
+        Args:
+            base: true if blend shapes give several shapes, the first of which has weights 0.
+        """
+        weights = {} if base and self.shape_names else None
+        return self.polygons.triangles(self.vertices(None, weights), self.name)
+
     def times(self) -> list[float]:
         """Times of all samples that move a vertex, in time codes."""
-        return sorted({time for mesh in self._meshes for time in mesh.times()})
+        return sorted({time for mesh in self.meshes for time in mesh.times()})
 
     def vertices(self, time: float | None, weights: dict[str, float] | None) -> FloatArray:
         """Vertices (V, 3) in the world.
@@ -150,20 +172,20 @@ class _Stage:
             time: time code; None is the first.
             weights: of blend shapes, by name, 0 where one is missing; None for the stage's own.
         """
-        return np.concatenate([mesh.vertices(time, weights) for mesh in self._meshes])
+        return np.concatenate([mesh.vertices(time, weights) for mesh in self.meshes])
 
     def blend_shapes(self, moving: bool) -> MeshSequence:
         """Shapes of the blend shapes; `moving` is true if the stage has time samples."""
         wanted = [("base", {})]
         for name in self.shape_names:
-            between = {w for mesh in self._meshes for w in mesh.shapes.get(name, ())}
+            between = {w for mesh in self.meshes for w in mesh.shapes.get(name, ())}
             rows = [(f"{name} at {w:.4g}", {name: w}) for w in sorted(between) if w != 1]
             wanted += [*rows, (name, {name: 1.0})]
         names = distinct(name for name, _ in wanted)
         N, V = len(names) + 1, self.vertex_count
-        check_room(N, V, self._size, self.name, "blend shapes", "export fewer of them")
+        check_room(N, V, self.size, self.name, "blend shapes", "export fewer of them")
         vertices = [self.vertices(None, weights) for _, weights in wanted]
-        weights = np.concatenate([mesh.shown_weights() for mesh in self._meshes])
+        weights = np.concatenate([mesh.shown_weights() for mesh in self.meshes])
         shown = self.vertices(None, None)
         if not moving and shows_a_shape(weights, shown, np.stack(vertices)):
             vertices.append(shown)
@@ -177,20 +199,33 @@ class _Stage:
 
     def frames(self, times: list[float], fps: float | None) -> MeshSequence:
         """The stage from the first of some time codes to the last."""
-        scale = float(self._stage.GetTimeCodesPerSecond())
-        rate = float(self._stage.GetFramesPerSecond()) if fps is None else fps
+        scale = float(self.stage.GetTimeCodesPerSecond())
+        rate = float(self.stage.GetFramesPerSecond()) if fps is None else fps
         if not (scale > 0 and rate > 0):
             raise InputError(f"{self.name}: {scale:g} time codes a second; correct the rate")
         seconds = frame_times(times[0] / scale, times[-1] / scale, rate, self.name)
         F, V = len(seconds), self.vertex_count
-        check_room(F, V, self._size, self.name, f"frames at {rate:g} a second", "give a lower fps")
-        for mesh in self._meshes:
+        check_room(F, V, self.size, self.name, f"frames at {rate:g} a second", "give a lower fps")
+        for mesh in self.meshes:
             mesh.check_connectivity()
         vertices = np.empty((F, V, 3))
         for f, second in enumerate(seconds):
             vertices[f] = self.vertices(float(second * scale), None)
         faces = self.polygons.triangles(vertices[0], self.name)
         return MeshSequence(vertices, faces, tuple(f"{_CLIP} {s:.4g} s" for s in seconds))
+
+
+def open_usd(path: Path) -> UsdScene:
+    """The meshes of a USD file.
+
+    Args:
+        path: a .usd, .usda, .usdc or .usdz file.
+
+    Raises:
+        InputError: as of `read_usd_shapes`.
+    """
+    check_file(path)
+    return UsdScene(_opened(path), str(path), path.stat().st_size)
 
 
 def _opened(path: Path) -> Any:

@@ -15,9 +15,10 @@ from deformer.io.usd_modules import usd_library
 class UsdMesh:
     """A mesh prim.
 
-    `count` is its number of points, `polygons` are its faces without holes, turned so that they are
-    counter-clockwise from outside, and `shapes` has for each blend shape the weights of its
-    in-betweens.
+    `prim` is the prim, `count` its number of points, `polygons` are its faces without holes, turned
+    so that they are counter-clockwise from outside, `stored_corners` (M,) and `stored_faces` (n,)
+    say which corner and face of the prim each corner and polygon of theirs is, and `shapes` has for
+    each blend shape the weights of its in-betweens.
     """
 
     def __init__(self, prim: Any, cache: Any, name: str) -> None:
@@ -34,7 +35,7 @@ class UsdMesh:
         self._pxr = usd_library(name)
         Usd, UsdGeom, UsdSkel = self._pxr.Usd, self._pxr.UsdGeom, self._pxr.UsdSkel
         self._mesh = UsdGeom.Mesh(prim)
-        self._prim, self._name = prim, f"{name}, {prim.GetPath()}"
+        self.prim, self._name = prim, f"{name}, {prim.GetPath()}"
         self._first = Usd.TimeCode.EarliestTime()
         self.count = len(self._mesh.GetPointsAttr().Get(self._first) or ())
         self._skin: Any = None
@@ -56,7 +57,8 @@ class UsdMesh:
                 for n, shape in enumerate(found.GetBlendShapeOrder()):
                     between = self._blend.GetBlendShape(n).GetInbetweens()
                     self.shapes[str(shape)] = tuple(float(b.GetWeight() or 0) for b in between)
-        counts, corners = self._faces(self._first)
+        counts, corners = self.faces(None)
+        self.stored_corners, self.stored_faces = np.arange(len(corners)), np.arange(len(counts))
         self.polygons = self._oriented(counts, corners) if self.count else Polygons(corners, counts)
 
     def _check_blend_shapes(self) -> None:
@@ -69,9 +71,20 @@ class UsdMesh:
             if not np.isfinite(np.asarray(offsets, float)).all():
                 raise self._broken("a blend shape with an offset that is not finite")
 
-    def _faces(self, time: Any) -> tuple[IntArray, IntArray]:
-        counts = self._mesh.GetFaceVertexCountsAttr().Get(time)
-        corners = self._mesh.GetFaceVertexIndicesAttr().Get(time)
+    @property
+    def deforms(self) -> bool:
+        """True if a skeleton or blend shapes move the points."""
+        return self._skin is not None or self._blend is not None
+
+    def points(self) -> FloatArray:
+        """The stored points (n, 3) at the first time, in the prim's own space."""
+        return np.array(self._mesh.GetPointsAttr().Get(self._first), dtype=np.float64)
+
+    def faces(self, time: float | None) -> tuple[IntArray, IntArray]:
+        """Corners of each stored face, and their vertices, at a time code or, with None, first."""
+        code = self._first if time is None else self._pxr.Usd.TimeCode(time)
+        counts = self._mesh.GetFaceVertexCountsAttr().Get(code)
+        corners = self._mesh.GetFaceVertexIndicesAttr().Get(code)
         return (
             np.asarray(counts if counts is not None else (), np.int64),
             np.asarray(corners if corners is not None else (), np.int64),
@@ -84,28 +97,33 @@ class UsdMesh:
             raise self._broken(f"vertex index {corners.max()} of {self.count} points")
         starts = np.repeat(np.cumsum(counts) - counts, counts)
         step = np.arange(len(corners)) - starts
-        left = self._mesh.GetOrientationAttr().Get(self._first) == "leftHanded"
         mirrored = np.linalg.det(self._world(self._first)[:3, :3]) < 0
-        if left != mirrored:
+        if self.left_handed != mirrored:
             # From the same corner on, in the other direction.
             step = (np.repeat(counts, counts) - step) % np.repeat(counts, counts)
-        corners = corners[starts + step]
+        order, kept = starts + step, np.ones(len(counts), dtype=bool)
         holes = self._mesh.GetHoleIndicesAttr().Get(self._first)
         if holes is not None and len(holes):
             kept = ~np.isin(np.arange(len(counts)), np.asarray(holes))
-            corners, counts = corners[np.repeat(kept, counts)], counts[kept]
-        return Polygons(corners, counts)
+        self.stored_faces = np.flatnonzero(kept)
+        self.stored_corners = order[np.repeat(kept, counts)]
+        return Polygons(corners[self.stored_corners], counts[kept])
+
+    @property
+    def left_handed(self) -> bool:
+        """True if the stored faces are clockwise from outside, in the prim's own space."""
+        return self._mesh.GetOrientationAttr().Get(self._first) == "leftHanded"
 
     def _world(self, time: Any) -> FloatArray:
         """Transform (4, 4) of the mesh, or of its skeleton, to the world; of rows."""
-        owner = self._prim if self._skin is None or not self._skeleton else self._skeleton.GetPrim()
+        owner = self.prim if self._skin is None or not self._skeleton else self._skeleton.GetPrim()
         cache = self._pxr.UsdGeom.XformCache(time)
         return np.array(cache.GetLocalToWorldTransform(owner), dtype=np.float64)
 
     def times(self) -> set[float]:
         """Time codes of the samples that move the points."""
         found = set(self._mesh.GetPointsAttr().GetTimeSamples())
-        prim = self._prim
+        prim = self.prim
         while prim and not prim.IsPseudoRoot():
             if prim.IsA(self._pxr.UsdGeom.Xformable):
                 found |= set(self._pxr.UsdGeom.Xformable(prim).GetTimeSamples())
@@ -125,9 +143,9 @@ class UsdMesh:
             self._mesh.GetFaceVertexIndicesAttr(),
         )
         times = {time for attribute in attributes for time in attribute.GetTimeSamples()}
-        first = self._faces(self._first)
+        first = self.faces(None)
         for time in sorted(times):
-            if not all(map(np.array_equal, first, self._faces(time))):
+            if not all(map(np.array_equal, first, self.faces(time))):
                 raise self._broken(f"other faces at time code {time:g} than at first")
 
     def shown_weights(self) -> FloatArray:

@@ -7,11 +7,11 @@ from types import SimpleNamespace
 
 from deformer.errors import InputError
 
-_MODULES = ("Gf", "Sdf", "Tf", "Usd", "UsdGeom", "UsdShade", "UsdSkel", "Vt")
+_MODULES = ("Gf", "Sdf", "Tf", "Usd", "UsdGeom", "UsdShade", "UsdSkel", "UsdUtils", "Vt")
 
 
 def usd_library(name: object) -> SimpleNamespace:
-    """The modules Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdSkel and Vt of usd-core.
+    """The modules Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdSkel, UsdUtils and Vt of usd-core.
 
     Args:
         name: the file that needs them, for messages.

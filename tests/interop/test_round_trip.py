@@ -75,6 +75,26 @@ def test_a_pose_drops_back_into_the_scene(exported, source, blender, validated, 
     assert found.mesh["name"].split(".")[0] == own.mesh["name"].split(".")[0]
 
 
+def test_a_pose_drops_back_into_the_usd_stage(exported, true, blender, tmp_path):
+    pytest.importorskip("pxr")
+    path = exported / "walk.usdc"
+    shapes, document = deformer.load_shapes(path), deformer.load_document(path)
+    assert document is not None and document.up == "z"
+    model = deformer.train(shapes, 4, epochs=10, document=document)
+    pose = shapes.mesh(9)
+    deformer.save_mesh(tmp_path / "pose.usdc", pose, like=model)
+    deformer.save_shapes(tmp_path / "walk.usda", shapes, like=model)
+    own, frames = blender(path), [0, 5, 12]
+    found, played = blender(tmp_path / "pose.usdc", [0, 9]), blender(tmp_path / "walk.usda", frames)
+    # The skeleton is there and moves nothing.
+    np.testing.assert_allclose(found.vertices, true["frames"][[9, 9]], atol=TOLERANCE)
+    np.testing.assert_allclose(played.vertices, true["frames"][frames], atol=TOLERANCE)
+    for each in (found, played):
+        for key in ("uv", "materials", "polygon_materials", "faces", "name", "custom_normals"):
+            assert each.mesh[key] == own.mesh[key]
+        assert each.mesh["groups"] == []
+
+
 def test_a_rig_takes_the_place_of_the_own_one(exported, blender, three, validated, tmp_path):
     path = exported / "skin.glb"
     shapes, document = deformer.load_shapes(path), deformer.load_document(path)
