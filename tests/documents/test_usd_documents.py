@@ -197,6 +197,10 @@ def test_normals_are_recomputed_and_split_as_they_were(tmp_path, scene, name):
 
 
 def test_its_own_positions_give_the_same_digits(tmp_path, scene):
+    stage = opened(scene)
+    # So far off that positions on the way to the world and back lose digits.
+    stage.GetPrimAtPath("/World").GetAttribute("xformOp:translate").Set((1e10, 0, 0))
+    stage.Save()
     document = document_of(scene)
     (tmp_path / "same.usdc").write_bytes(document.write(load_shapes(scene).vertices[0]))
     stage = opened(tmp_path / "same.usdc")
