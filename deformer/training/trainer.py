@@ -88,7 +88,8 @@ def train(
             is not one.
         seed: seed of weights and mixed shapes.
         device: "cpu", "cuda", "mps" or "auto".
-        up: axis of the shapes that points up, "x" to "z" or "-x" to "-z"; kept for pictures.
+        up: axis of the shapes that points up, "x" to "z" or "-x" to "-z"; for pictures, USD and
+            GLB files.
         document: the file that shapes of the model are written like, as of `load_document`; kept
             with the model.
         checkpoint: folder for checkpoints, or None; an old checkpoint there is replaced.

@@ -170,7 +170,9 @@ def train(
             "--align", help="First take each shape's rigid motion against the reference away."
         ),
     ] = False,
-    up: Annotated[str, typer.Option(help="Axis that points up, for pictures: x, y, z, -x…")] = "y",
+    up: Annotated[
+        str, typer.Option(help="Axis that points up, in pictures, USD and GLB: x, y, z, -x…")
+    ] = "y",
     reference: Reference = None,
     fps: Fps = None,
     clip: Clip = None,
