@@ -173,7 +173,6 @@ class _MeshWriter:
             if path.HasPrefix(prim.GetPath()):
                 prim.GetStage().RemovePrim(path)
         prim.RemoveAPI(pxr.UsdSkel.BindingAPI)
-        _remove(prim, _MOTION)
         _remove(prim, [name for name in prim.GetPropertyNames() if name.startswith(_SKELETON)])
         self._mesh.GetPointsAttr().Clear()
         self._mesh.GetExtentAttr().Clear()
@@ -183,10 +182,10 @@ class _MeshWriter:
             for attribute in prim.GetAttributes():
                 if attribute.GetName().startswith("xformOp:"):
                     _hold(attribute, pxr)
-            prim = prim.GetParent()
             # Bounds of what is below, and joints for all meshes below.
             names = [n for n in prim.GetPropertyNames() if n.startswith(_INHERITED)]
             _remove(prim, ["extentsHint", *names])
+            prim = prim.GetParent()
 
     def write(self, shape: FloatArray, code: float | None) -> None:
         """Write one of the shapes, at a time code or, with the first, for all times."""

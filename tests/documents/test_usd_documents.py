@@ -1,5 +1,6 @@
 """USD files as documents: what stays, what changes, and what other formats get."""
 
+import subprocess
 import sys
 
 import numpy as np
@@ -163,6 +164,36 @@ def test_a_pose_is_the_same_stage(tmp_path, scene, suffix):
     # The crate stays at its first size, and the camera goes on turning.
     assert not UsdGeom.Xformable(new.GetPrimAtPath("/World/Crate")).GetTimeSamples()
     assert UsdGeom.Xformable(new.GetPrimAtPath("/World/Camera")).GetTimeSamples() == [0, 48]
+
+
+def test_a_document_holds_the_first_frame_alone(tmp_path, scene):
+    (tmp_path / "held.usdc").write_bytes(document_of(scene).data)
+    stage = opened(tmp_path / "held.usdc")
+    mesh = get(stage, "/World/Crate/Shape")
+    assert not mesh.GetPointsAttr().GetTimeSamples()
+    np.testing.assert_array_equal(mesh.GetPointsAttr().Get(), BOX)
+
+
+def test_a_package_is_a_document(tmp_path, scene):
+    utilities = pytest.importorskip("pxr.UsdUtils")
+    assert utilities.CreateNewUsdzPackage(str(scene), str(tmp_path / "scene.usdz"))
+    document = document_of(tmp_path / "scene.usdz")
+    pose = bent(load_shapes(scene).vertices[0])
+    (tmp_path / "pose.usdc").write_bytes(document.write(pose))
+    np.testing.assert_allclose(load_shapes(tmp_path / "pose.usdc").vertices[0], pose, atol=1e-4)
+    assert UsdGeom.GetStageMetersPerUnit(opened(tmp_path / "pose.usdc")) == 0.01
+
+
+def test_the_library_is_quiet(tmp_path):
+    """In a process of its own, for the library says some things once."""
+    stage = Usd.Stage.CreateNew(str(tmp_path / "a.usdc"))
+    box(stage, "/Box")
+    stage.Save()
+    code = "import deformer, sys; found = deformer.load_document(sys.argv[1]); "
+    code += "found.write(deformer.load_mesh(sys.argv[1]).vertices + 1)"
+    command = [sys.executable, "-c", code, str(tmp_path / "a.usdc")]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
 def shown_normals(stage, name, code=0):
