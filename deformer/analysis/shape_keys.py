@@ -58,7 +58,7 @@ class ComponentKeys:
         document = None if bare else model.document
         base = model.decode(Synthesis(model).start)
         data = morph_glb(base, faces, self.targets, self.names, clips, document, "model")
-        return upright_glb(data, "z" if model.summary.get("up") == "z" else "y", document)
+        return upright_glb(data, model.up, document)
 
     def save(self, path: str | Path, bare: bool = False) -> None:
         """Write `glb` to a file; an existing one is replaced once all is written.

@@ -195,6 +195,11 @@ class DeformationModel:
         return replace(self, reference=surface, seams=None, document=None)
 
     @property
+    def up(self) -> str:
+        """Axis that points up in files that say so, "y" or "z": that of the training if it is z."""
+        return "z" if self.summary.get("up") == "z" else "y"
+
+    @property
     def components(self) -> int:
         """Dimension K of the latent code."""
         return self.config.components

@@ -87,14 +87,7 @@ class Rig:
             InputError: another shape of the array, or numbers that are not finite.
         """
         B, V = len(self.names), len(self.weights)
-        given = checked_array(
-            matrices,
-            "matrices",
-            (B, 4, 4),
-            ("n", B, 4, 4),
-            largest=LARGEST,
-            remedy="give those of all bones",
-        )
+        given = self._checked(matrices)
         M = given.reshape(-1, B, 4, 4)
         check_memory(8 * len(M) * V * 24, f"matrices: {len(M)} poses of {V} vertices")
         T = (M @ np.linalg.inv(self.rest))[:, :, :3]
@@ -110,16 +103,13 @@ class Rig:
         Raises:
             InputError: as `pose`, or a matrix of a parent that has no inverse.
         """
-        B = len(self.names)
-        M = checked_array(
-            matrices,
-            "matrices",
-            (B, 4, 4),
-            ("n", B, 4, 4),
-            largest=LARGEST,
-            remedy="give those of all bones",
-        )
-        return local_matrices(M, self.parents)
+        return local_matrices(self._checked(matrices), self.parents)
+
+    def _checked(self, matrices: ArrayLike) -> FloatArray:
+        """Matrices (B, 4, 4) or (n, B, 4, 4) of the bones; InputError for others."""
+        B, remedy = len(self.names), "give those of all bones"
+        shapes = (B, 4, 4), ("n", B, 4, 4)
+        return checked_array(matrices, "matrices", *shapes, largest=LARGEST, remedy=remedy)
 
     def fit(self, vertices: ArrayLike) -> FloatArray:
         """Matrices (B, 4, 4), or (n, B, 4, 4), of the bones whose pose is closest to given shapes.

@@ -33,12 +33,18 @@ def _run(command, **options):
     return done.stdout
 
 
+def _installed(variable, what):
+    """Where an environment variable says that another program is; skips the test without it."""
+    found = os.environ.get(variable)
+    if not found:
+        pytest.skip(f"{variable} names no {what}: make interop")
+    return found
+
+
 @pytest.fixture(scope="session")
 def blender(tmp_path_factory):
     """(path, frames, base) → `Imported`."""
-    python = os.environ.get(BLENDER)
-    if not python:
-        pytest.skip(f"{BLENDER} names no Python with Blender: make interop")
+    python = _installed(BLENDER, "Python with Blender")
     folder = tmp_path_factory.mktemp("blender")
 
     def imported(path, frames=(0,), base=None):
@@ -54,9 +60,7 @@ def blender(tmp_path_factory):
 @pytest.fixture(scope="session")
 def validated():
     """Checks that the Khronos validator has nothing to say of a GLB file."""
-    folder = os.environ.get(NODE)
-    if not folder:
-        pytest.skip(f"{NODE} names no folder with the validator: make interop")
+    folder = _installed(NODE, "folder with the validator")
 
     def check(path):
         environment = os.environ | {"NODE_PATH": str(Path(folder) / "node_modules")}
@@ -70,9 +74,7 @@ def validated():
 @pytest.fixture(scope="session")
 def three():
     """(path, times in seconds) → positions (times, V, 3) as three.js plays a GLB file."""
-    folder = os.environ.get(NODE)
-    if not folder:
-        pytest.skip(f"{NODE} names no folder with three.js: make interop")
+    folder = _installed(NODE, "folder with three.js")
 
     def played(path, times):
         modules = Path(folder) / "node_modules"
@@ -85,9 +87,7 @@ def three():
 @pytest.fixture(scope="session")
 def exported(tmp_path_factory):
     """A folder of files that Blender has exported; see `from_blender.py`."""
-    python = os.environ.get(BLENDER)
-    if not python:
-        pytest.skip(f"{BLENDER} names no Python with Blender: make interop")
+    python = _installed(BLENDER, "Python with Blender")
     folder = tmp_path_factory.mktemp("exported")
     _run([python, str(HERE / "from_blender.py"), str(folder)])
     return folder

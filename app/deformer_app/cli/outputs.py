@@ -71,7 +71,7 @@ def save(
         what came of a sequence: its files, and of a GLB the morph targets.
     """
     faces, like = model.reference.faces, None if bare else model
-    up = "z" if model.summary.get("up") == "z" else "y"
+    up = model.up
     if vertices.ndim == 2:
         deformer.save_mesh(path, deformer.Mesh(vertices, faces), like=like, up=up)
         _name_libraries(path, like)

@@ -37,7 +37,7 @@ def run(
     model = deformer.load_model(model_name)
     with console.progress("rigging") as report:
         rig = deformer.rig(model, bones, influences, on_progress=report)
-    up = "z" if model.summary.get("up") == "z" else "y"
+    up = model.up
     rig.save(output, fps, like=None if bare else model, up=up)
     names = rig.names
     return {

@@ -160,6 +160,6 @@ def save_recording(editor: Editor, path: Path, pictures: Sequence[Picture]) -> I
         )
     model = editor.model
     sequence = MeshSequence(shapes, model.reference.faces)
-    up = "z" if model.summary.get("up") == "z" else "y"
+    up = model.up
     yield from in_background(lambda: save_shapes(path, sequence, like=model, fps=FPS, up=up))
     editor.note(f"Wrote {path}")
