@@ -21,13 +21,29 @@ from typing import Any, TypeVar, cast
 
 import llvmlite.binding
 import numba
+from numba.core import event
 from numba.core.dispatcher import Dispatcher
 from numba.core.sigutils import normalize_signature
+
+from deformer.compilation_state import begin_compiling, counted_as_compiling, end_compiling
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 _log = logging.getLogger("deformer")
 _declared: dict[str, list[tuple[Dispatcher, str]]] = {}  # by module
+
+
+class _Compilations(event.Listener):
+    """Counts compilations, but not machine code that is read from a file."""
+
+    def on_start(self, event: event.Event) -> None:
+        begin_compiling()
+
+    def on_end(self, event: event.Event) -> None:
+        end_compiling()
+
+
+event.register("numba:compile", _Compilations())
 
 
 def njit(**options: Any) -> Callable[[Kernel], Kernel]:
@@ -53,7 +69,7 @@ def njit(**options: Any) -> Callable[[Kernel], Kernel]:
 def _tell_of_no_cache() -> None:
     _log.warning(
         "no folder for compiled kernels can be written: each run compiles them again, which takes "
-        "some ten seconds; set NUMBA_CACHE_DIR to a folder that can be written"
+        "a minute or two; set NUMBA_CACHE_DIR to a folder that can be written"
     )
 
 
@@ -97,8 +113,9 @@ def compile_kernels(modules: Sequence[str], cores: int) -> None:
     stamp.parent.mkdir(parents=True, exist_ok=True)
     with FileLock(f"{stamp}.lock"):
         if not stamp.exists():
-            _log.warning("compiling for this processor: some ten seconds, once")
-            _run_shares(program, cores, tuple(modules))
+            _log.warning("compiling for this processor: a minute or two, once")
+            with counted_as_compiling():
+                _run_shares(program, cores, tuple(modules))
             # What a process failed to compile is compiled by the call that needs it.
             stamp.touch()
 

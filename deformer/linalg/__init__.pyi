@@ -27,5 +27,6 @@ from .threads import (
     run_calls as run_calls,
     scratch as scratch,
     start_calls as start_calls,
+    use_cores as use_cores,
     wait_for as wait_for,
 )

@@ -53,8 +53,13 @@ Result = TypeVar("Result")
 _SMALLEST_SHARE = 2000
 
 
-# `single` is set on the threads of `in_parallel`, where kernels do not start other threads.
+# `cores` is the number of threads that kernels may use which the calling thread runs: all without
+# it, and one on the threads of `in_parallel`.
 _thread = threading.local()
+
+
+def _cores() -> int:
+    return getattr(_thread, "cores", CORES)
 
 
 def scratch(name: str, shape: tuple[int, ...]) -> NDArray[np.float32]:
@@ -123,29 +128,35 @@ def _outer_pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(
         max_workers=CORES,
         thread_name_prefix="deformer-parallel",
-        initializer=lambda: setattr(_thread, "single", True),
+        initializer=use_cores,
+        initargs=(1,),
     )
+
+
+def use_cores(count: int) -> None:
+    """Have kernels that the calling thread runs, from now on, use so many threads, itself one."""
+    _thread.cores = count
 
 
 def in_parallel(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
     """Call function(item) for all items, on all cores, and yield the results in order.
 
-    The function may call `over_ranges` and `run_calls`: they use one thread within it, or all cores
-    if there is only one item.
+    The function may call `over_ranges`, `run_calls` and this one: they use one thread within it, or
+    all cores if there is only one item.
 
     Args:
         function: called once an item, on any thread.
         items: its arguments.
     """
-    if len(items) == 1:
-        yield function(items[0])
+    if len(items) == 1 or _cores() == 1:
+        yield from map(function, items)
     else:
         yield from _outer_pool().map(function, items)
 
 
 def split(count: int) -> list[range]:
     """Consecutive ranges that cover 0…count − 1, one a core and none empty (for count > 0)."""
-    parts = max(1, min(CORES, count))
+    parts = max(1, min(_cores(), count))
     bounds = [count * part // parts for part in range(parts + 1)]
     return [range(a, b) for a, b in pairwise(bounds)]
 
@@ -183,7 +194,7 @@ def start_calls(kernel: Callable[..., None], calls: Sequence[tuple]) -> list[Fut
     Returns:
         Futures for `wait_for`; none if the calls have been made on this thread.
     """
-    if getattr(_thread, "single", False):
+    if _cores() == 1:
         for arguments in calls:
             kernel(*arguments)
         return []
@@ -205,7 +216,7 @@ def ranges(count: int, share: int = _SMALLEST_SHARE) -> list[tuple[int, int]]:
         count: length of what the ranges cover.
         share: the least length of a range, unless it is the only one.
     """
-    parts = 1 if getattr(_thread, "single", False) else max(1, min(CORES, count // share))
+    parts = max(1, min(_cores(), count // share))
     bounds = [count * part // parts for part in range(parts + 1)]
     return list(pairwise(bounds))
 
@@ -224,13 +235,40 @@ def over_ranges(
     run_calls(kernel, [(*piece, *arguments) for piece in ranges(count, share)])
 
 
+class _OneBlasThread:
+    """The limit of `one_blas_thread`, which is that of the process.
+
+    The first thread that asks for it sets it, and the last one that leaves takes it back.
+    """
+
+    def __init__(self) -> None:
+        self._lock, self._users = threading.Lock(), 0
+        self._controller = ThreadpoolController()
+
+    def enter(self) -> None:
+        with self._lock:
+            if self._users == 0:
+                self._limit = self._controller.limit(limits=1, user_api="blas")
+            self._users += 1
+
+    def leave(self) -> None:
+        with self._lock:
+            self._users -= 1
+            if self._users == 0:
+                self._limit.restore_original_limits()
+
+
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
     """Limit BLAS to one thread within the block: for small matrices, more only wait."""
-    with _blas().limit(limits=1, user_api="blas"):
+    limit = _one_blas_thread()
+    limit.enter()
+    try:
         yield
+    finally:
+        limit.leave()
 
 
 @cache
-def _blas() -> ThreadpoolController:
-    return ThreadpoolController()
+def _one_blas_thread() -> _OneBlasThread:
+    return _OneBlasThread()

@@ -4,12 +4,22 @@ import os
 import subprocess
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from deformer.linalg import threads
-from deformer.linalg.threads import in_parallel, over_parts, over_ranges, ranges, split
+from deformer.linalg.threads import (
+    in_parallel,
+    one_blas_thread,
+    over_parts,
+    over_ranges,
+    ranges,
+    split,
+    use_cores,
+)
 
 
 @pytest.fixture
@@ -61,6 +71,34 @@ def test_results_come_in_order_and_kernels_within_stay_on_one_thread(cores):
         return item, len(threads_used)
 
     assert list(in_parallel(work, range(30))) == [(item, 1) for item in range(30)]
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_thread_keeps_to_its_share_of_the_cores(cores, count):
+    def work():
+        use_cores(count)
+        outer = list(in_parallel(lambda n: [n, *in_parallel(lambda m: m, range(3))], range(3)))
+        return len(ranges(90_000)), len(split(90)), outer
+
+    with ThreadPoolExecutor(1) as pool:
+        found = pool.submit(work).result()
+    assert found == (count, count, [[n, 0, 1, 2] for n in range(3)])
+    assert len(ranges(90_000)) == len(split(90)) == 4, "other threads have all"
+
+
+def test_blas_has_its_threads_again_when_the_last_block_ends():
+    def threads_of_blas():
+        return [entry["num_threads"] for entry in threadpool_info() if entry["user_api"] == "blas"]
+
+    with threadpool_limits(2, user_api="blas"):
+        before = threads_of_blas()
+        one, other = one_blas_thread(), one_blas_thread()
+        one.__enter__()
+        other.__enter__()
+        one.__exit__(None, None, None)
+        assert set(threads_of_blas()) <= {1}
+        other.__exit__(None, None, None)
+        assert threads_of_blas() == before
 
 
 def test_what_is_raised_is_raised_to_the_caller(cores):
