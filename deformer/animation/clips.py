@@ -11,7 +11,7 @@ import numpy as np
 
 from deformer.documents import Document, posed_glb, single_precision
 from deformer.geometry import FloatArray, IntArray
-from deformer.io import VERTICES, GlbBuilder, GltfAsset, GltfScene, VertexRange
+from deformer.io import VERTICES, GlbBuilder, GltfAsset, GltfScene, VertexRange, clip_extras
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,11 +22,14 @@ class Clip:
         name: its name.
         times: (F,) times of the keys in seconds, growing from 0 or more.
         weights: (F, T).
+        fps: frames a second, if the keys are the shapes of the file and the targets are none by
+            themselves; None if the targets are the shapes.
     """
 
     name: str
     times: FloatArray
     weights: FloatArray
+    fps: float | None = None
 
 
 def morph_glb(
@@ -108,4 +111,7 @@ def _add_clip(asset: GlbBuilder, clip: Clip, nodes: list[int]) -> None:
     channels: list[dict[str, Any]] = [
         {"sampler": 0, "target": {"node": node, "path": "weights"}} for node in nodes
     ]
-    asset.add("animations", {"name": clip.name, "samplers": [sampler], "channels": channels})
+    found = {"name": clip.name, "samplers": [sampler], "channels": channels}
+    if clip.fps is not None:
+        found["extras"] = clip_extras(clip.fps)
+    asset.add("animations", found)

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from deformer.documents import single_precision
-from deformer.geometry import FloatArray
+from deformer.workspace import Rows
 
 
-def write_mdd(path: Path, vertices: FloatArray, fps: float) -> None:
+def write_mdd(path: Path, vertices: Rows, fps: float) -> None:
     """Write a LightWave MDD file: big endian, with the time of each frame in seconds.
 
     Args:
@@ -32,7 +32,7 @@ def write_mdd(path: Path, vertices: FloatArray, fps: float) -> None:
             stream.write(single_precision(shape, path.suffix).astype(">f4").tobytes())
 
 
-def write_pc2(path: Path, vertices: FloatArray) -> None:
+def write_pc2(path: Path, vertices: Rows) -> None:
     """Write a PC2 file: little endian, a sample a frame from frame 0 on; it knows no seconds.
 
     Args:

@@ -13,6 +13,7 @@ from .saving import (
     check_mesh_output as check_mesh_output,
     document_of as document_of,
     save_mesh as save_mesh,
+    up_of as up_of,
 )
 from .text_files import single_precision as single_precision
 from .usd import write_usd as write_usd

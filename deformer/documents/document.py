@@ -38,6 +38,7 @@ from deformer.errors import InputError
 from deformer.geometry import FARTHEST, FloatArray, IntArray, Mesh, checked_faces
 from deformer.io import (
     SHAPE_SUFFIXES,
+    GltfAsset,
     GltfScene,
     load_mesh,
     mesh_bytes,
@@ -45,6 +46,7 @@ from deformer.io import (
     packed_gltf,
     read_bytes,
     read_gltf,
+    scene_up,
     shape_files,
 )
 
@@ -188,14 +190,18 @@ class Document:
 
     @property
     def up(self) -> str | None:
-        """The axis that points up, "y" or "z"; None for formats that do not say.
+        """The axis of the data that points up, "y" or "z"; None for formats that do not say.
+
+        That of GLB is y, but z where this program has put the data on a node that turns it.
 
         Raises:
             InputError: a USD document that is damaged, or usd-core is missing.
         """
         if self.suffix == ".usdc":
             return self._up
-        return "y" if self.suffix == ".glb" else None
+        if self.suffix != ".glb":
+            return None
+        return self.guarded(lambda: scene_up(GltfAsset(self.data, self._label).json))
 
     @cached_property
     def _usd_polygons(self) -> PolygonMesh:
@@ -239,7 +245,7 @@ _WRITERS: dict[str, Callable[[FloatArray, PolygonMesh, IntArray], bytes]] = {
     ".obj": lambda vertices, mesh, _: obj_of(vertices, mesh),
     ".ply": lambda vertices, mesh, _: ply_of(vertices, mesh),
     ".off": lambda vertices, mesh, _: off_of(vertices, mesh),
-    ".glb": glb_of_polygons,
+    ".glb": lambda vertices, mesh, faces: glb_of_polygons(vertices, mesh, faces)[0],
 }
 
 

@@ -99,7 +99,9 @@ def _material(number: int, material: dict[str, Any]) -> Material:
     return Material(str(material.get("name", f"material {number}")), (red, green, blue, alpha))
 
 
-def glb_of_polygons(vertices: FloatArray, mesh: PolygonMesh, faces: IntArray) -> bytes:
+def glb_of_polygons(
+    vertices: FloatArray, mesh: PolygonMesh, faces: IntArray
+) -> tuple[bytes, IntArray]:
     """A GLB file of positions and what the format knows of the description.
 
     Each object is a node, and each material a primitive of it; vertices are split where texture
@@ -109,6 +111,9 @@ def glb_of_polygons(vertices: FloatArray, mesh: PolygonMesh, faces: IntArray) ->
         vertices: (V, 3) positions.
         mesh: the description.
         faces: (F, 3) the triangles that its polygons are cut into.
+
+    Returns:
+        the file, and for each vertex of its scene, as `GltfScene` counts them, that of `vertices`.
 
     Raises:
         InputError: a position too large for single precision.
@@ -120,10 +125,11 @@ def glb_of_polygons(vertices: FloatArray, mesh: PolygonMesh, faces: IntArray) ->
     polygon = mesh.polygon_of_triangle
     names = [part.object for part in mesh.parts]
     owner = np.array([names.index(name) for name in names])[mesh.part[polygon]]
-    nodes = []
+    nodes, owners = [], []
     for number in dict.fromkeys(owner.tolist()):
         chosen = owner == number
         writer = _ObjectWriter(asset, vertices, mesh, corners[chosen])
+        owners.append(writer.owners)
         triangles = mesh.material[polygon[chosen]]
         primitives = []
         for material in dict.fromkeys(triangles.tolist()):
@@ -135,11 +141,15 @@ def glb_of_polygons(vertices: FloatArray, mesh: PolygonMesh, faces: IntArray) ->
         shown = asset.add("meshes", {"primitives": primitives, **named})
         nodes.append(asset.add("nodes", {"mesh": shown, **named}))
     asset.json["scene"] = asset.add("scenes", {"nodes": nodes})
-    return asset.data
+    return asset.data, np.concatenate(owners)
 
 
 class _ObjectWriter:
-    """Writes the vertices of one object, and the triangles that refer to them."""
+    """Writes the vertices of one object, and the triangles that refer to them.
+
+    Attributes:
+        owners: for each vertex that is written, the one that it was split from.
+    """
 
     def __init__(
         self, asset: GlbBuilder, vertices: FloatArray, mesh: PolygonMesh, corners: IntArray
@@ -153,7 +163,7 @@ class _ObjectWriter:
             keys += list(np.nan_to_num(mesh.uvs[flat]).T)
         rows, self._index = np.unique(np.stack(keys, 1), axis=0, return_inverse=True)
         self._index = self._index.reshape(-1, 3)
-        own = rows[:, 0].astype(np.int64)
+        self.owners = own = rows[:, 0].astype(np.int64)
         arrays = {"POSITION": single_precision(vertices[own], "GLB")}
         if mesh.normals is not None:
             arrays["NORMAL"] = mesh.shading(vertices)[rows[:, 1].astype(np.int64)]

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from deformer.checks import checked_array
 from deformer.documents.document import Document
 from deformer.documents.glb import undeformed_glb
-from deformer.geometry import FloatArray, IntArray, Mesh
+from deformer.documents.glb_polygons import glb_of_polygons
+from deformer.geometry import FARTHEST, FloatArray, IntArray, Mesh
 from deformer.io import GltfAsset, GltfScene, mesh_bytes
-
-# Whole numbers below it, and their quotients by it, are exact in single precision.
-_STEP = 4096
 
 
 def posed_glb(
@@ -35,12 +34,9 @@ def posed_glb(
     if document.suffix == ".glb":
         data = document.guarded(lambda: _posed(document.data, vertices))
         return data, np.arange(len(vertices))
-    # How vertices are split does not depend on where they are: each is put where its number is.
-    numbers = np.arange(document.vertex_count)
-    probe = np.stack([numbers % _STEP, numbers // _STEP, np.zeros_like(numbers)], axis=1)
-    scene = GltfScene(GltfAsset(document.write(probe, ".glb"), "the document"))
-    found = scene.vertices({}, {}, 1)[0].astype(np.int64) @ np.array([1, _STEP, 0])
-    return document.write(vertices, ".glb"), found
+    points = checked_array(vertices, "vertices", (document.vertex_count, 3), largest=FARTHEST)
+    polygons = document.polygons()
+    return document.guarded(lambda: glb_of_polygons(points, polygons, document.faces))
 
 
 def _posed(data: bytes, vertices: FloatArray) -> bytes:

@@ -34,7 +34,9 @@ class HasDocument(Protocol):
 Like = Document | HasDocument | str | Path
 
 
-def save_mesh(path: str | Path, mesh: Mesh, like: Like | None = None, *, up: str = "y") -> None:
+def save_mesh(
+    path: str | Path, mesh: Mesh, like: Like | None = None, *, up: str | None = None
+) -> None:
     """Write one mesh in the format of the suffix; an existing file is replaced once all is written.
 
     Args:
@@ -46,8 +48,9 @@ def save_mesh(path: str | Path, mesh: Mesh, like: Like | None = None, *, up: str
             document, or the path of a file or directory of shapes. None, or one without anything
             more, writes positions and triangles alone.
         up: "y" or "z", the axis that points up, unless the document is GLB or USD, which say so
-            themselves. USD says which; GLB has y up, so that files of other documents have a node
-            that turns z up. Coordinates stay.
+            themselves; None is that of a model given as `like`, else y. USD says which; GLB has y
+            up, so that files of other documents have a node that turns z up, which `load_shapes`
+            and `load_mesh` leave out. Coordinates stay.
 
     Raises:
         InputError: an unknown suffix, a directory that is missing or not writable, or a document
@@ -55,7 +58,7 @@ def save_mesh(path: str | Path, mesh: Mesh, like: Like | None = None, *, up: str
     """
     target = checked_path(path, "path")
     checked_instance(mesh, "mesh", Mesh, remedy="make one of vertices and faces")
-    checked_choice(up, "up", ("y", "z"))
+    up = up_of(like, up)
     document = document_of(like)
     suffix = target.suffix.lower()
     turned = suffix == ".glb" and up == "z"
@@ -98,6 +101,22 @@ def check_mesh_output(path: str | Path) -> None:
     if target.suffix.lower() in USD_SUFFIXES:
         usd_library(target)
     check_output_file(target)
+
+
+def up_of(like: object, up: str | None) -> str:
+    """The axis that points up, "y" or "z": the given one, else that of a model, else y.
+
+    Args:
+        like: as of `save_mesh`.
+        up: "y", "z" or None.
+
+    Raises:
+        InputError: another axis.
+    """
+    if up is None:
+        # Objects that have a document need not say it; models do.
+        return getattr(like, "up", "y") if isinstance(like, HasDocument) else "y"
+    return checked_choice(up, "up", ("y", "z"))
 
 
 def document_of(like: object) -> Document | None:

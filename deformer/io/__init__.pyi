@@ -24,15 +24,26 @@ from .gltf import (
     GltfAsset as GltfAsset,
     read_gltf as read_gltf,
 )
+from .gltf_marks import (
+    clip_extras as clip_extras,
+    is_upright_node as is_upright_node,
+    scene_up as scene_up,
+    upright_node as upright_node,
+)
 from .gltf_meshes import (
     GltfScene as GltfScene,
     VertexRange as VertexRange,
 )
 from .gltf_packing import packed_gltf as packed_gltf
-from .json_files import (
+from .handle_files import (
+    HandleBody as HandleBody,
     HandleFile as HandleFile,
+    HandlePrior as HandlePrior,
+    HandleStart as HandleStart,
     HandleTarget as HandleTarget,
     load_handles as load_handles,
+)
+from .json_files import (
     load_split as load_split,
     read_json as read_json,
     write_json as write_json,
@@ -66,10 +77,18 @@ from .ply import (
     ply_row as ply_row,
 )
 from .references import with_reference as with_reference
+from .row_files import (
+    read_rows as read_rows,
+    write_rows as write_rows,
+)
 from .tensors import (
     read_metadata as read_metadata,
     read_tensors as read_tensors,
     write_tensors as write_tensors,
+)
+from .track_arrays import (
+    HandleTracks as HandleTracks,
+    handle_tracks as handle_tracks,
 )
 from .usd import (
     UsdScene as UsdScene,

@@ -25,19 +25,28 @@ PathLike = str | os.PathLike[str]
 _ABANDONED_SECONDS = 3600.0
 
 
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Make an InputError of what the system refuses within the block, which reads a file."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
+
+
 def check_file(path: Path) -> None:
     """Check that `path` is a file with contents; reading a pipe or a device might never end.
 
     Raises:
         InputError: it is missing, out of reach, empty, or something other than a file.
     """
-    try:
-        status = path.stat()
-    except FileNotFoundError:
-        what = "is a link to a file that does not exist" if path.is_symlink() else "does not exist"
-        raise InputError(f"{path}: {what}; check the path") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
+    with reading(path):
+        try:
+            status = path.stat()
+        except FileNotFoundError:
+            link = path.is_symlink()
+            what = "is a link to a file that does not exist" if link else "does not exist"
+            raise InputError(f"{path}: {what}; check the path") from None
     if not stat.S_ISREG(status.st_mode):
         raise InputError(f"{path}: is a directory, pipe or device, expected a file; check the path")
     if status.st_size == 0:
@@ -52,10 +61,8 @@ def read_bytes(path: PathLike) -> bytes:
     """
     path = checked_path(path)
     check_file(path)
-    try:
+    with reading(path):
         return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
 
 
 def check_parent(target: Path) -> None:

@@ -23,7 +23,8 @@ def check_copy(source: PathLike, folder: PathLike) -> None:
     """Raise InputError if `save_copy` could not write.
 
     Args:
-        source, folder: as of `save_copy`.
+        source: as of `save_copy`.
+        folder: as of `save_copy`.
     """
     origin = checked_path(source, "source").resolve()
     target = checked_path(folder, "folder").resolve()
@@ -39,7 +40,8 @@ def copied_path(source: PathLike, folder: PathLike, count: int) -> Path:
     """What `load_shapes` reads the copy of `count` shapes from.
 
     Args:
-        source, folder: as of `save_copy`.
+        source: as of `save_copy`.
+        folder: as of `save_copy`.
         count: how many shapes the source has.
     """
     files = shape_files(source)

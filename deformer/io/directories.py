@@ -49,8 +49,10 @@ def check_directory(
     """Raise the InputError that `atomic_directory` would raise, before there is anything to write.
 
     Args:
-        path, replaceable, kept: as in `atomic_directory`.
+        path: as in `atomic_directory`.
+        replaceable: as in `atomic_directory`.
         manifest: as there; None where `replaceable` looks at the contents itself.
+        kept: as in `atomic_directory`.
     """
     _temporary_directory(_checked(path, replaceable, manifest, kept)).rmdir()
 

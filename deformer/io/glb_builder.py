@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 # glTF 2.0, 3.6.2.2 and 5.1: kinds of numbers, and of what a row of them is.
 _COMPONENTS = {"f4": 5126, "u1": 5121, "u2": 5123, "u4": 5125, "i1": 5120, "i2": 5122}
 _ROWS = {(): "SCALAR", (2,): "VEC2", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}
-# Targets of buffer views: attributes of vertices, and indices.
-VERTICES, INDICES = 34962, 34963
+VERTICES = 34962
+"""Target of a buffer view with attributes of vertices."""
+INDICES = 34963
+"""Target of a buffer view with indices."""
 _JSON, _BINARY = b"JSON", b"BIN\0"
 
 

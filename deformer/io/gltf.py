@@ -204,7 +204,7 @@ class GltfAsset:
         return stored
 
     def floats(self, index: Any, shape: str, types: dict[int, str], label: str) -> FloatArray:
-        """Accessor `index` as float64, normalised where it says so; arguments as of `array`.
+        """Accessor `index` (count, numbers) as float64, normalised where it says so; see `array`.
 
         Raises:
             InputError: as of `array`, or a number that is not finite.
@@ -306,7 +306,7 @@ class GltfAsset:
         return value
 
     def numbers(self, item: dict, key: str, length: int | None, label: str) -> FloatArray:
-        """Value of `key`, a list of `length` finite numbers (None: any).
+        """Value (length,) of `key`, a list of `length` finite numbers (None: any).
 
         Raises:
             InputError: it is something else.

@@ -8,16 +8,20 @@ import numpy as np
 
 from deformer.geometry import FloatArray
 from deformer.io.gltf import GltfAsset
+from deformer.io.gltf_marks import is_upright_node
 
 # Local transforms (F, 4, 4) of nodes that move, by their numbers.
 Moving = Mapping[int, FloatArray]
+# Undoes the turn of `upright_node`, without its rounding.
+_Y_TO_Z = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 
 
 class NodeTree:
     """The nodes that the scene of an asset shows.
 
     `order` are their numbers, depth first as the scene lists them; nodes that have neither a mesh
-    nor children are left out of it, for there may be hundreds of thousands.
+    nor children are left out of it, for there may be hundreds of thousands. The world of a scene
+    that this program has turned from z up to y up, by a node of its own, is that of the data, z up.
     """
 
     def __init__(self, asset: GltfAsset) -> None:
@@ -29,6 +33,7 @@ class NodeTree:
         self._asset = asset
         self.order: list[int] = []
         self.parents: dict[int, int] = {}
+        self._upright_nodes: set[int] = set()
         stack = [(root, -1, "the scene") for root in reversed(self._roots())]
         while stack:
             index, parent, label = stack.pop()
@@ -36,6 +41,8 @@ class NodeTree:
             if index in self.parents:
                 raise asset.broken(f"node {index} is listed twice, expected one parent")
             self.parents[index] = parent
+            if parent < 0 and is_upright_node(node):
+                self._upright_nodes.add(index)
             if "mesh" in node or "children" in node:
                 self.order.append(index)
                 label = f"node {index}"
@@ -80,7 +87,7 @@ class NodeTree:
         known = next((n for n, i in enumerate(path) if i in self._rest), len(path))
         world = self._rest[path[known]] if known < len(path) else np.eye(4)
         for i in reversed(path[:known]):
-            world = _product(world, local_transform(self._asset, i))
+            world = _product(world, self._local(i))
             self._rest[i] = world
         return self._rest[index]
 
@@ -94,9 +101,19 @@ class NodeTree:
         at = next((n for n, i in enumerate(path) if i in known), len(path))
         world = known[path[at]] if at < len(path) else np.eye(4)
         for i in reversed(path[:at]):
-            local = moving[i] if i in moving else local_transform(self._asset, i)
+            local = self._local(i, moving)
             known[i] = world = _product(world, local)
         return world
+
+    def _local(self, index: int, moving: Moving | None = None) -> FloatArray:
+        """Transform (4, 4) or (F, 4, 4) of a node to its parent; of a root, to the world."""
+        local = None if moving is None else moving.get(index)
+        if local is None and index in self._upright_nodes:
+            return np.eye(4)
+        if local is None:
+            local = local_transform(self._asset, index)
+        lying = self._upright_nodes and self.parents[index] < 0
+        return _Y_TO_Z @ local if lying else local
 
 
 def _product(parent: FloatArray, local: FloatArray) -> FloatArray:

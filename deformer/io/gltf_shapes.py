@@ -9,12 +9,14 @@ import numpy as np
 
 from deformer.checks import shortened
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, MeshSequence
+from deformer.geometry import FloatArray, MeshSequence, ShapeSequence, shape_sequence
 from deformer.io.gltf import GltfAsset
 from deformer.io.gltf_animation import Clip, clip_names, find_clip
+from deformer.io.gltf_marks import clip_fps
 from deformer.io.gltf_meshes import GltfScene
 from deformer.io.polygons import Polygons
 from deformer.io.sampling import check_room, frame_times, shows_a_shape
+from deformer.workspace import Empty, in_memory
 
 _log = logging.getLogger("deformer")
 _DEFAULT_FPS = 24.0
@@ -53,32 +55,40 @@ class GltfReader:
         return vertices, Polygons.of_triangles(scene.faces)
 
 
-def read_shapes(asset: GltfAsset, fps: float | None, clip: str | int | None) -> MeshSequence:
+def read_shapes(
+    asset: GltfAsset, fps: float | None, clip: str | int | None, empty: Empty = in_memory
+) -> ShapeSequence:
     """Shapes of one file.
 
-    With morph targets: shape 0, "base", has all weights 0; then comes each target at weight 1; last
+    A clip of `deformer.save_shapes` whose morph targets are no shapes: its frames. With other morph
+    targets: shape 0, "base", has all weights 0; then comes each target at weight 1; last
     "default", if the file shows other weights than 0. Without them, or with a clip: the animation,
     the first if none is named, at `fps` from its first key to its last. Without either: the mesh.
 
     Args:
         asset: the file.
-        fps: frames a second; None is 24.
-        clip: an animation's name or number; None reads morph targets where there are some.
+        fps: frames a second; None is those of a clip of `deformer.save_shapes`, and 24 of others.
+        clip: an animation's name or number; None as above.
+        empty: makes the array of an animation's positions.
 
     Raises:
         InputError: as of `GltfScene`, an unknown clip, or one that moves no mesh.
     """
-    fps = _DEFAULT_FPS if fps is None else fps
     scene = GltfScene(asset)
     clips = clip_names(asset)
+    if clip is None:
+        rates = (clip_fps(asset.item("animations", n, "the file")) for n in range(len(clips)))
+        clip = next((n for n, rate in enumerate(rates) if rate is not None), None)
     if clip is not None:
-        found = Clip(scene, find_clip(asset, clip))
+        number = find_clip(asset, clip)
+        found = Clip(scene, number)
         if not found.moves:
             raise InputError(
                 f"{asset.name}: clip {found.name!r} moves no mesh, expected one that does of "
                 f"{shortened(list(clips))}; give another, or export the animation with its meshes"
             )
-        return _sampled(scene, found, fps)
+        own = clip_fps(asset.item("animations", number, "the file"))
+        return _sampled(scene, found, fps or own or _DEFAULT_FPS, empty)
     if scene.target_names:
         if clips:
             _log.warning(
@@ -94,7 +104,7 @@ def read_shapes(asset: GltfAsset, fps: float | None, clip: str | int | None) -> 
                     f"{asset.name}: read clip {found.name!r} of {shortened(list(clips))}; name "
                     "another to read that"
                 )
-            return _sampled(scene, found, fps)
+            return _sampled(scene, found, fps or _DEFAULT_FPS, empty)
     return MeshSequence(scene.vertices({}, {}, 1), scene.faces)
 
 
@@ -123,12 +133,12 @@ def _targets(scene: GltfScene) -> MeshSequence:
     return MeshSequence(vertices, scene.faces, names)
 
 
-def _sampled(scene: GltfScene, clip: Clip, fps: float) -> MeshSequence:
+def _sampled(scene: GltfScene, clip: Clip, fps: float, empty: Empty) -> ShapeSequence:
     name = f"{scene.asset.name}, clip {shortened(clip.name)}"
     times = frame_times(clip.start, clip.end, fps, name)
     F, V = len(times), scene.vertex_count
     check_room(F, V, scene.asset.size, name, f"frames at {fps:g} a second", "give a lower fps")
-    vertices = np.empty((F, V, 3))
+    vertices = empty((F, V, 3))
     # A joint takes as much as four vertices.
     step = max(1, _CHUNK // (3 * V + 12 * len(scene.mesh_nodes)))
     resting = _rows(scene.default_weights())
@@ -136,9 +146,10 @@ def _sampled(scene: GltfScene, clip: Clip, fps: float) -> MeshSequence:
         block = times[start : start + step]
         weights = {node: np.tile(w, (len(block), 1)) for node, w in resting.items()}
         weights |= clip.weights(block)
-        vertices[start : start + step] = scene.vertices(weights, clip.moving(block), len(block))
+        rows = slice(start, start + len(block))
+        vertices[rows] = scene.vertices(weights, clip.moving(block), len(block))
     names = tuple(f"{clip.name} {time:.4g} s" for time in times)
-    return MeshSequence(vertices, scene.faces, names)
+    return shape_sequence(vertices, scene.faces, names)
 
 
 def _rows(weights: dict[int, FloatArray]) -> dict[int, FloatArray]:

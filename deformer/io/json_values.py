@@ -8,7 +8,8 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 from deformer.checks import (
@@ -176,8 +177,24 @@ def parse_value(content: str | bytes, source: PathLike) -> JsonValue:
     """
     if not isinstance(content, str | bytes):
         raise InputError(f"{source}: expected the text of a file, got {shortened(content)}")
+    with parsing(source):
+        data = json.loads(content, object_pairs_hook=json_object, parse_int=json_integer)
+    if not isinstance(data, dict):
+        raise InputError(f"{source}: a JSON {_name(data)}, expected an object {{…}}; wrap it")
+    root = JsonValue(data, source)
+    refuse_unwritable(root)
+    return root
+
+
+@contextmanager
+def parsing(source: PathLike) -> Iterator[None]:
+    """Within the block, errors of parsers become lines that name the source.
+
+    Raises:
+        InputError: in place of these errors.
+    """
     try:
-        data = json.loads(content, object_pairs_hook=_object, parse_int=_integer)
+        yield
     except json.JSONDecodeError as error:
         raise InputError(
             f"{source}, line {error.lineno}: not JSON ({error.msg}); correct the line"
@@ -192,11 +209,6 @@ def parse_value(content: str | bytes, source: PathLike) -> JsonValue:
         raise InputError(f"{source}: takes more than memory holds; write less into it") from error
     except InputError as error:
         raise InputError(f"{source}: {error}") from error
-    if not isinstance(data, dict):
-        raise InputError(f"{source}: a JSON {_name(data)}, expected an object {{…}}; wrap it")
-    root = JsonValue(data, source)
-    _refuse_unwritable(root)
-    return root
 
 
 def _name(value: Any) -> str:
@@ -206,7 +218,7 @@ def _name(value: Any) -> str:
     return "list" if isinstance(value, list) else "text" if isinstance(value, str) else "number"
 
 
-def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def json_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """An object, whose keys must differ: readers disagree on which of two counts."""
     found = dict(pairs)
     if len(found) < len(pairs):
@@ -216,7 +228,7 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def _integer(digits: str) -> int:
+def json_integer(digits: str) -> int:
     """An integer; Python refuses thousands of digits with advice on its own settings."""
     try:
         return int(digits)
@@ -234,19 +246,25 @@ def _too_deep(source: object) -> InputError:
     )
 
 
-def _refuse_unwritable(root: JsonValue) -> None:
-    """Raise InputError for numbers and texts that JSON cannot represent, and for deep nesting."""
-    path = _unwritable(root.value, 1)
+def refuse_unwritable(root: JsonValue, depth: int = 1) -> None:
+    """Raise InputError for numbers and texts that JSON cannot represent, and for deep nesting.
+
+    Args:
+        root: the value.
+        depth: of its nesting in the file, 1 at the top.
+    """
+    nested = isinstance(root.value, dict | list)
+    path = _unwritable(root.value if nested else [root.value], depth)
     if path is None:
         return
     place = root
-    for key in path:
+    for key in path if nested else ():
         place = JsonValue(place.value[key], place, key)
     if isinstance(place.value, float):
         raise place.error("a finite number")
     if isinstance(place.value, str):
         raise place.error("a text")
-    if len(path) == _DEEPEST:
+    if len(path) + depth - 1 == _DEEPEST:
         raise _too_deep(root)
     raise place.error("keys that are texts")
 

@@ -7,19 +7,31 @@ vertices at all, so corners with equal positions are welded (see `load_shapes`).
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import NoReturn, TypeVar
+from typing import NoReturn, TypeVar, overload
 
 import numpy as np
 
 from deformer.checks import checked_instance, checked_path, shortened
 from deformer.errors import InputError
-from deformer.geometry import FARTHEST, FloatArray, IntArray, Mesh, MeshSequence
+from deformer.geometry import (
+    FARTHEST,
+    FloatArray,
+    IntArray,
+    Mesh,
+    MeshSequence,
+    ShapeSequence,
+    StoredShapes,
+    axes_text,
+    axis_turn,
+    shape_sequence,
+)
 from deformer.io.atomic import PathLike, check_file, read_bytes
 from deformer.io.gltf import read_gltf
 from deformer.io.gltf_shapes import GltfReader, read_shapes as read_gltf_shapes
-from deformer.io.npz import read_npz
+from deformer.io.npz import read_npz, read_rows_of
 from deformer.io.obj import ObjReader
 from deformer.io.off import read_off
 from deformer.io.ply import read_ply
@@ -28,6 +40,7 @@ from deformer.io.polygons import Polygons
 from deformer.io.sampling import checked_fps
 from deformer.io.stl import StlReader
 from deformer.io.usd import UsdReader, read_usd_shapes
+from deformer.workspace import Empty, Workspace, blocks, in_memory
 
 _log = logging.getLogger("deformer")
 _Reader = Callable[[bytes, str], tuple[FloatArray, Polygons]]
@@ -45,13 +58,36 @@ _READERS: dict[str, Callable[[], _Reader]] = {
     **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), UsdReader),
 }
 # Of files that may hold several shapes each.
-_SEQUENCE_READERS: dict[str, Callable[[Path, float | None, _Clip], MeshSequence]] = {
-    ".glb": lambda path, fps, clip: read_gltf_shapes(read_gltf(path), fps, clip),
-    ".gltf": lambda path, fps, clip: read_gltf_shapes(read_gltf(path), fps, clip),
+_SEQUENCE_READERS: dict[str, Callable[[Path, float | None, _Clip, Empty], ShapeSequence]] = {
+    ".glb": lambda path, fps, clip, empty: read_gltf_shapes(read_gltf(path), fps, clip, empty),
+    ".gltf": lambda path, fps, clip, empty: read_gltf_shapes(read_gltf(path), fps, clip, empty),
     **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), read_usd_shapes),
 }
 SHAPE_SUFFIXES = (*_READERS, *CACHE_SUFFIXES)
+"""Suffixes of the files of which a folder has one a shape, and of point caches."""
 _SUFFIX_LIST = ", ".join(SHAPE_SUFFIXES)
+
+
+@overload
+def load_shapes(
+    path: PathLike,
+    progress: Callable[[int, int], None] | None = None,
+    *,
+    fps: float | None = None,
+    clip: str | int | None = None,
+    workspace: None = None,
+) -> MeshSequence: ...
+
+
+@overload
+def load_shapes(
+    path: PathLike,
+    progress: Callable[[int, int], None] | None = None,
+    *,
+    fps: float | None = None,
+    clip: str | int | None = None,
+    workspace: Workspace,
+) -> ShapeSequence: ...
 
 
 def load_shapes(
@@ -60,7 +96,8 @@ def load_shapes(
     *,
     fps: float | None = None,
     clip: str | int | None = None,
-) -> MeshSequence:
+    workspace: Workspace | None = None,
+) -> ShapeSequence:
     """Load shapes that share one connectivity.
 
     The names of the shapes are those of the files without suffixes, of the morph targets, or the
@@ -70,6 +107,9 @@ def load_shapes(
     around their first corners, concave ones by ear clipping. STL corners that coincide exactly in
     the first shape are welded in all shapes. Files that have the same faces in another order, or
     from another corner on, are taken with the first file's order, and the log says so.
+
+    Positions of GLB and glTF are those of the scene, with y up; those of a file that this program
+    wrote of data with z up are the data's own.
 
     Args:
         path: a directory of OBJ, PLY, OFF, STL, GLB, glTF or USD files of one format, in natural
@@ -81,46 +121,70 @@ def load_shapes(
             point cache, MDD or PC2, beside one mesh file of the same stem, which has its faces; a
             directory may hold both.
         progress: called with the numbers of files read and of all files.
-        fps: frames a second at which an animation is sampled; None is 24, and of USD the stage's
-            own rate.
-        clip: the animation's name or number; None takes morph targets if there are some, else
-            the first animation.
+        fps: frames a second at which an animation is sampled; None is 24, and the file's own rate
+            of USD and of a GLB clip of `deformer.save_shapes`.
+        clip: the animation's name or number; None takes the clip of `deformer.save_shapes`, else
+            morph targets if there are some, else the first animation.
+        workspace: decides whether positions are in memory or, read some shapes at a time, in a
+            temporary file; the result is then `StoredShapes`, for `examine` and `train`. None keeps
+            them in memory.
 
     Raises:
         InputError: a file is missing, broken or of another kind, or differs from the first in
-            vertex count or faces; or there is no such clip.
+            vertex count or faces; there is no such clip; or no room for a temporary file.
     """
     source = checked_path(path, "path")
     fps = None if fps is None else checked_fps(fps)
     if clip is not None and (isinstance(clip, bool) or not isinstance(clip, str | int)):
         raise InputError(f"clip: expected a name or a number, got {shortened(clip)}; correct it")
+    if workspace is not None:
+        checked_instance(workspace, "workspace", Workspace, remedy="make one, or leave it out")
+    shapes = _load(source, progress, fps, clip, workspace)
+    if isinstance(shapes, StoredShapes):
+        for part in blocks(shapes.vertices):
+            for n, vertices in enumerate(shapes.vertices[part], start=part.start):
+                _check_finite(vertices, f"{path}, shape {n}")
+    return shapes
+
+
+def _load(
+    source: Path,
+    progress: Callable[[int, int], None] | None,
+    fps: float | None,
+    clip: _Clip,
+    workspace: Workspace | None,
+) -> ShapeSequence:
+    """Do what `load_shapes` does, whose arguments are checked."""
+    empty = in_memory if workspace is None else workspace.doubles
     files = _shape_files(source) if source.is_dir() else [source]
     suffix = files[0].suffix.lower()
     if len(files) == 1 and suffix in _SEQUENCE_READERS:
         check_file(files[0])
-        shapes = _guarded(files[0], lambda: _SEQUENCE_READERS[suffix](files[0], fps, clip))
+        shapes = _guarded(files[0], lambda: _SEQUENCE_READERS[suffix](files[0], fps, clip, empty))
         if not shapes.names:
-            shapes = MeshSequence(shapes.vertices, shapes.faces, (files[0].stem,))
+            shapes = replace(shapes, names=(files[0].stem,))
         if progress:
             progress(1, 1)
         return shapes
     if suffix in CACHE_SUFFIXES and clip is None:
-        shapes = _load_cache(files[0])
+        shapes = _load_cache(files[0], empty)
         if progress:
             progress(1, 1)
         return shapes
     if clip is not None:
         what = "several files, of which each gives one shape" if len(files) > 1 else "no animation"
         raise InputError(
-            f"{path}: got clip {shortened(clip)} for {what}, expected one GLB, glTF or USD file; "
+            f"{source}: got clip {shortened(clip)} for {what}, expected one GLB, glTF or USD file; "
             "leave the clip out or name the file"
         )
     if suffix == ".npz":
-        shapes = _load_npz(source)
+        shapes = _load_npz(source, workspace)
         if progress:
             progress(1, 1)
         return shapes
-    return _load_files(files, progress)
+    if suffix not in _READERS and files[0].exists():
+        raise _unknown_suffix(files[0], (*SHAPE_SUFFIXES, ".npz"))
+    return _load_files(files, progress, empty)
 
 
 def shape_files(path: PathLike) -> list[Path]:
@@ -147,6 +211,7 @@ def load_mesh(path: PathLike, like: Mesh | None = None) -> Mesh:
         path: the file; its suffix is that of the format.
         like: a mesh of the same connectivity, whose triangles the result has: programs write
             faces in another order, or from another corner on, and polygons may be cut otherwise.
+            Where the result is turned from it by 90° or 180° about an axis, the log says so.
 
     Raises:
         InputError: the file is missing, broken or of another kind, or a mesh of another
@@ -154,13 +219,19 @@ def load_mesh(path: PathLike, like: Mesh | None = None) -> Mesh:
     """
     file = checked_path(path, "path")
     if like is None:
-        return _load_files([file], None).mesh(0)
+        return _load_files([file], None, in_memory).mesh(0)
     checked_instance(like, "like", Mesh, remedy="load one with load_mesh")
     vertices, polygons = _read_file(file, _reader(file))
     _check_finite(vertices, str(file))
     faces = _guarded(file, lambda: polygons.triangles(vertices, str(file)))
     V = len(like.vertices)
     if len(vertices) == V and (np.array_equal(faces, like.faces) or polygons.covers(like.faces)):
+        turn = axis_turn(vertices[None], like.vertices[None])
+        if turn is not None:
+            _log.warning(
+                f"{file}: is turned from the other shapes, as if another axis pointed up; if so, "
+                f"write it with their axes: {axes_text(turn)} in place of x, y, z"
+            )
         return Mesh(vertices, like.faces)
     same = len(vertices) == V and len(faces) == len(like.faces)
     raise InputError(
@@ -217,17 +288,19 @@ def _reader(file: Path) -> _Reader:
     if suffix not in _READERS:
         if not file.exists():
             raise InputError(f"{file}: does not exist; check the path")
-        raise _unknown_suffix(file)
+        raise _unknown_suffix(file, tuple(_READERS))
     return _READERS[suffix]()
 
 
-def _load_files(files: list[Path], progress: Callable[[int, int], None] | None) -> MeshSequence:
+def _load_files(
+    files: list[Path], progress: Callable[[int, int], None] | None, empty: Empty
+) -> ShapeSequence:
     first = files[0]
     read = _reader(first)
     vertices, polygons = _read_file(first, read)
     _check_finite(vertices, str(first))
     faces = _guarded(first, lambda: polygons.triangles(vertices, str(first)))
-    all_vertices = np.empty((len(files), len(vertices), 3))
+    all_vertices, first_vertices = empty((len(files), len(vertices), 3)), vertices
     reordered: list[str] = []
     for i, file in enumerate(files):
         if i > 0:
@@ -239,10 +312,10 @@ def _load_files(files: list[Path], progress: Callable[[int, int], None] | None) 
                     f"{first.name}; export all shapes with one connectivity"
                 )
             if not others.equals(polygons) and not _alike(
-                file, others, first, polygons, faces, all_vertices[0]
+                file, others, first, polygons, faces, first_vertices
             ):
                 reordered.append(file.name)
-        all_vertices[i] = vertices
+        all_vertices[i : i + 1] = vertices[None]
         if progress:
             progress(i + 1, len(files))
     if reordered:
@@ -251,7 +324,7 @@ def _load_files(files: list[Path], progress: Callable[[int, int], None] | None) 
             f"{first.name} in another order or from another corner on; the order of {first.name} "
             "is used"
         )
-    return MeshSequence(all_vertices, faces, tuple(file.stem for file in files))
+    return shape_sequence(all_vertices, faces, tuple(file.stem for file in files))
 
 
 def _alike(
@@ -339,15 +412,15 @@ def _check_finite(vertices: FloatArray, name: str) -> None:
         )
 
 
-def _unknown_suffix(path: Path) -> InputError:
+def _unknown_suffix(path: Path, known: Sequence[str]) -> InputError:
     return InputError(
-        f"{path}: suffix {path.suffix!r}, expected one of {_SUFFIX_LIST}; convert the file or "
+        f"{path}: suffix {path.suffix!r}, expected one of {', '.join(known)}; convert the file or "
         "correct its name"
     )
 
 
-def _load_cache(path: Path) -> MeshSequence:
-    vertices, names = _guarded(path, lambda: read_cache(path))
+def _load_cache(path: Path, empty: Empty) -> ShapeSequence:
+    vertices, names = _guarded(path, lambda: read_cache(path, empty))
     base = base_of(path, tuple(_READERS))
     mesh = load_mesh(base)
     if len(mesh.vertices) != vertices.shape[1]:
@@ -355,10 +428,15 @@ def _load_cache(path: Path) -> MeshSequence:
             f"{path}: {vertices.shape[1]} points, expected {len(mesh.vertices)} as the vertices of "
             f"{base.name}; export both from one mesh, without modifiers that add vertices"
         )
-    return _guarded(path, lambda: MeshSequence(vertices, mesh.faces, names))
+    return _guarded(path, lambda: shape_sequence(vertices, mesh.faces, names))
 
 
-def _load_npz(path: Path) -> MeshSequence:
+def _load_npz(path: Path, workspace: Workspace | None) -> ShapeSequence:
+    if workspace is not None:
+        faces = read_npz(path, ("faces",))["faces"]
+        vertices = read_rows_of(path, "vertices", workspace.doubles)
+        if vertices.ndim == 3:
+            return _guarded(path, lambda: shape_sequence(vertices, faces))
     arrays = read_npz(path, ("vertices", "faces"))
     vertices, faces = arrays["vertices"], arrays["faces"]
     if vertices.dtype.kind not in "fiu":

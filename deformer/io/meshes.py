@@ -7,15 +7,16 @@ and NPZ keep float64 exactly; the formats GLB and STL have float32; STL has no v
 from __future__ import annotations
 
 import re
+import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
 from deformer.checks import checked_instance, checked_path, checked_text, shortened
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, IntArray, Mesh, MeshSequence
+from deformer.geometry import FloatArray, IntArray, Mesh, MeshSequence, ShapeSequence
 from deformer.io.atomic import PathLike, atomic_path, check_output_file
 from deformer.io.directories import atomic_directory, check_directory
 from deformer.io.glb import write_glb
@@ -24,6 +25,7 @@ from deformer.io.obj import write_obj
 from deformer.io.off import write_off
 from deformer.io.ply import write_ply
 from deformer.io.stl import write_stl
+from deformer.workspace import StoredArray, blocks
 
 _WRITERS: dict[str, Callable[[FloatArray, IntArray], bytes]] = {
     ".obj": write_obj,
@@ -33,6 +35,7 @@ _WRITERS: dict[str, Callable[[FloatArray, IntArray], bytes]] = {
     ".glb": write_glb,
 }
 MESH_SUFFIXES = tuple(_WRITERS)
+"""Suffixes of the mesh files that this package writes."""
 _SUFFIX_LIST = ", ".join(MESH_SUFFIXES)
 _WITH_DOCUMENT = (".usd", ".usda", ".usdc")  # written by functions that are given
 _WAIT = 30.0  # seconds for another process that writes the same directory
@@ -102,7 +105,7 @@ def save_shapes(path: PathLike, shapes: MeshSequence, format: str = "ply") -> No
 
 def save_shape_files(
     path: PathLike,
-    shapes: MeshSequence,
+    shapes: ShapeSequence,
     format: str,
     write: Callable[[FloatArray, str], bytes] | None = None,
 ) -> None:
@@ -168,13 +171,31 @@ def write_npz(path: PathLike, arrays: Mapping[str, Any]) -> None:
         InputError: the directory is missing or not writable.
     """
     checked_instance(arrays, "arrays", Mapping, remedy="give a dict")
-    # Through a stream: numpy would append a suffix to a name that has none.
-    with atomic_path(path) as temporary, temporary.open("wb") as stream:
-        np.savez_compressed(stream, **arrays)
+    with (
+        atomic_path(path) as temporary,
+        zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive,
+    ):
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                _write_member(member, array)
+
+
+def _write_member(member: IO[bytes], array: Any) -> None:
+    """Write an array in numpy's format; one in a file some rows at a time."""
+    if not isinstance(array, StoredArray):
+        np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
+        return
+    header = {
+        "descr": np.lib.format.dtype_to_descr(array.dtype),
+        "fortran_order": False,
+        "shape": array.shape,
+    }
+    np.lib.format.write_array_header_1_0(member, header)
+    for part in blocks(array):
+        member.write(array[part].tobytes())
 
 
 def _unknown_suffix(path: Path) -> InputError:
     return InputError(
-        f"{path}: suffix {path.suffix!r}, expected one of {_SUFFIX_LIST}; convert the file or "
-        "correct its name"
+        f"{path}: suffix {path.suffix!r}, expected one of {_SUFFIX_LIST}; give the file one of them"
     )

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
 from deformer.errors import InputError
-from deformer.geometry import FloatArray
-from deformer.io.atomic import read_bytes
+from deformer.io.atomic import check_file
+from deformer.workspace import Empty, Rows, blocks, in_memory
 
 CACHE_SUFFIXES = (".mdd", ".pc2")
 _PC2_NAME = b"POINTCACHE2\0"
 _PC2_HEADER = struct.Struct("<12siiffi")
 
 
-def read_cache(path: Path) -> tuple[FloatArray, tuple[str, ...]]:
+def read_cache(path: Path, empty: Empty = in_memory) -> tuple[Rows, tuple[str, ...]]:
     """Positions (N, V, 3) of the frames of an MDD or PC2 file, and a name for each.
 
     Frames of MDD are named by their times, "walk 0.25 s", those of PC2 by their numbers, "walk
@@ -24,37 +25,41 @@ def read_cache(path: Path) -> tuple[FloatArray, tuple[str, ...]]:
 
     Args:
         path: the file; its suffix says which.
+        empty: makes the array of the positions.
 
     Raises:
         InputError: the file is missing, or its size is not that of its header.
     """
-    data = read_bytes(path)
-    if path.suffix.lower() == ".mdd":
-        return _read_mdd(data, path)
-    return _read_pc2(data, path)
+    check_file(path)
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        if path.suffix.lower() == ".mdd":
+            return _read_mdd(file, size, path, empty)
+        return _read_pc2(file, size, path, empty)
 
 
-def _read_mdd(data: bytes, path: Path) -> tuple[FloatArray, tuple[str, ...]]:
+def _read_mdd(file: BinaryIO, size: int, path: Path, empty: Empty) -> tuple[Rows, tuple[str, ...]]:
     """MDD is big-endian: counts of frames and points, times, then positions."""
-    if len(data) < 8:
-        raise _damaged(path, f"{len(data)} bytes", "8 of a header or more")
-    frames, points = struct.unpack(">ii", data[:8])
-    _check_counts(path, frames, points, len(data) - 8, 4 * frames + 12 * frames * points)
-    times = np.frombuffer(data, ">f4", frames, 8)
+    if size < 8:
+        raise _damaged(path, f"{size} bytes", "8 of a header or more")
+    frames, points = struct.unpack(">ii", file.read(8))
+    _check_counts(path, frames, points, size - 8, 4 * frames + 12 * frames * points)
+    times = np.frombuffer(file.read(4 * frames), ">f4")
     names = tuple(f"{path.stem} {time:.4g} s" for time in times.tolist())
-    return _positions(data, ">f4", frames, points, 8 + 4 * frames), names
+    return _positions(file, ">f4", frames, points, empty), names
 
 
-def _read_pc2(data: bytes, path: Path) -> tuple[FloatArray, tuple[str, ...]]:
+def _read_pc2(file: BinaryIO, size: int, path: Path, empty: Empty) -> tuple[Rows, tuple[str, ...]]:
     """PC2 is little-endian: a name, version, points, first frame, frames a sample, samples."""
-    if len(data) < _PC2_HEADER.size or not data.startswith(_PC2_NAME):
-        raise _damaged(path, f"{data[:12]!r}", "POINTCACHE2 and a header")
-    _, version, points, start, rate, frames = _PC2_HEADER.unpack_from(data)
+    header = file.read(_PC2_HEADER.size)
+    if len(header) < _PC2_HEADER.size or not header.startswith(_PC2_NAME):
+        raise _damaged(path, f"{header[:12]!r}", "POINTCACHE2 and a header")
+    _, version, points, start, rate, frames = _PC2_HEADER.unpack_from(header)
     if version != 1:
         raise _damaged(path, f"version {version}", "version 1")
-    _check_counts(path, frames, points, len(data) - _PC2_HEADER.size, 12 * frames * points)
+    _check_counts(path, frames, points, size - _PC2_HEADER.size, 12 * frames * points)
     names = tuple(f"{path.stem} frame {start + n * rate:.6g}" for n in range(frames))
-    return _positions(data, "<f4", frames, points, _PC2_HEADER.size), names
+    return _positions(file, "<f4", frames, points, empty), names
 
 
 def _check_counts(path: Path, frames: int, points: int, found: int, expected: int) -> None:
@@ -66,9 +71,14 @@ def _check_counts(path: Path, frames: int, points: int, found: int, expected: in
         )
 
 
-def _positions(data: bytes, kind: str, frames: int, points: int, start: int) -> FloatArray:
-    stored = np.frombuffer(data, kind, 3 * frames * points, start)
-    return stored.astype(np.float64).reshape(frames, points, 3)
+def _positions(file: BinaryIO, kind: str, frames: int, points: int, empty: Empty) -> Rows:
+    """Positions (N, V, 3) that follow in a file, read some frames at a time."""
+    found = empty((frames, points, 3))
+    for part in blocks(found):
+        count = part.stop - part.start
+        stored = np.frombuffer(file.read(12 * count * points), kind, 3 * count * points)
+        found[part] = stored.reshape(count, points, 3)
+    return found
 
 
 def _damaged(path: Path, found: str, expected: str) -> InputError:

@@ -3,22 +3,43 @@
 from __future__ import annotations
 
 from pathlib import Path
-
-import numpy as np
+from typing import overload
 
 from deformer.checks import checked_instance, checked_integer, is_unicode, shortened
 from deformer.errors import InputError
-from deformer.geometry import MeshSequence
+from deformer.geometry import (
+    MeshSequence,
+    ShapeSequence,
+    StoredShapes,
+    joined_shapes,
+    shape_sequence,
+)
 from deformer.io.loading import load_mesh
+from deformer.workspace import Workspace, in_memory
 
 
-def with_reference(shapes: MeshSequence, reference: str | int | Path) -> tuple[MeshSequence, int]:
+@overload
+def with_reference(
+    shapes: MeshSequence, reference: str | int | Path, workspace: None = None
+) -> tuple[MeshSequence, int]: ...
+
+
+@overload
+def with_reference(
+    shapes: ShapeSequence, reference: str | int | Path, workspace: Workspace
+) -> tuple[ShapeSequence, int]: ...
+
+
+def with_reference(
+    shapes: ShapeSequence, reference: str | int | Path, workspace: Workspace | None = None
+) -> tuple[ShapeSequence, int]:
     """Shapes with their reference, and its index.
 
     Args:
         shapes: the shapes.
         reference: a shape's name; or its index, as a number or as text where no shape has it as its
             name; or a mesh file, which becomes shape 0 before the others.
+        workspace: where the shapes are then, as of `load_shapes`; None keeps them in memory.
 
     Returns:
         the shapes, one more if it is a file; and the index of the reference.
@@ -26,7 +47,10 @@ def with_reference(shapes: MeshSequence, reference: str | int | Path) -> tuple[M
     Raises:
         InputError: no such shape or file, or a mesh of another connectivity.
     """
-    checked_instance(shapes, "shapes", MeshSequence, remedy="load some with load_shapes")
+    if workspace is not None:
+        checked_instance(workspace, "workspace", Workspace, remedy="make one, or leave it out")
+    if workspace is None or not isinstance(shapes, StoredShapes):
+        checked_instance(shapes, "shapes", MeshSequence, remedy="load some with load_shapes")
     if not isinstance(reference, str | Path) or isinstance(reference, bool):
         number = checked_integer(reference, "reference")
         shapes.mesh(number)
@@ -44,8 +68,9 @@ def with_reference(shapes: MeshSequence, reference: str | int | Path) -> tuple[M
         )
     mesh = load_mesh(text, like=shapes.mesh(0))
     names = (Path(text).stem, *shapes.names) if shapes.names else ()
-    vertices = np.concatenate([mesh.vertices[None], shapes.vertices])
-    return MeshSequence(vertices, shapes.faces, names), 0
+    empty = in_memory if workspace is None else workspace.doubles
+    vertices = joined_shapes(mesh.vertices[None], shapes, mesh.vertices[None][:0], empty)
+    return shape_sequence(vertices, shapes.faces, names), 0
 
 
 def _is_file(path: Path) -> bool:

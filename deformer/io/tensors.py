@@ -29,7 +29,7 @@ _LONGEST_HEADER = 1_000_000
 
 
 def read_tensors(path: PathLike) -> dict[str, NDArray]:
-    """Arrays of a file by their names.
+    """Arrays of a file by their names, of the shapes (...) that the file declares.
 
     Raises:
         InputError: the file is missing or damaged, or its size is not the one that it declares.
@@ -58,6 +58,20 @@ def read_metadata(path: PathLike, name: str) -> JsonValue:
     return parse_value(text, f"{path}: {name}")
 
 
+def checked_tensors(path: PathLike) -> Path:
+    """The path of a file whose header fits its size.
+
+    Raises:
+        InputError: the file is missing or damaged, or its size is not the one that it declares.
+    """
+    path = _checked(path)
+    try:
+        with safe_open(path, "numpy"):
+            return path
+    except Exception as error:  # as above
+        raise _damaged(path, error) from error
+
+
 def write_tensors(
     path: PathLike, arrays: Mapping[str, NDArray], metadata: dict[str, str] | None = None
 ) -> None:
@@ -65,7 +79,7 @@ def write_tensors(
 
     Args:
         path: the file; its directory must exist.
-        arrays: name → array.
+        arrays: name → array (...).
         metadata: name → text, in the file's header.
 
     Raises:

@@ -13,13 +13,20 @@ import numpy as np
 
 from deformer.checks import shortened
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, IntArray, MeshSequence
+from deformer.geometry import (
+    FloatArray,
+    IntArray,
+    MeshSequence,
+    ShapeSequence,
+    shape_sequence,
+)
 from deformer.io.atomic import check_file
 from deformer.io.parsing import checked_polygons, distinct
 from deformer.io.polygons import Polygons
 from deformer.io.sampling import check_room, frame_times, shows_a_shape
 from deformer.io.usd_meshes import UsdMesh
 from deformer.io.usd_modules import usd_library
+from deformer.workspace import Empty, in_memory
 
 _log = logging.getLogger("deformer")
 # A stage has one time line, which is its only clip.
@@ -45,7 +52,9 @@ class UsdReader:
         return scene.vertices(None, None), scene.polygons
 
 
-def read_usd_shapes(path: Path, fps: float | None, clip: str | int | None) -> MeshSequence:
+def read_usd_shapes(
+    path: Path, fps: float | None, clip: str | int | None, empty: Empty = in_memory
+) -> ShapeSequence:
     """Shapes of one USD file, in the stage's own units and axes.
 
     With blend shapes: shape 0, "base", has all weights 0; then comes each blend shape at weight 1,
@@ -57,6 +66,7 @@ def read_usd_shapes(path: Path, fps: float | None, clip: str | int | None) -> Me
         path: a .usd, .usda, .usdc or .usdz file.
         fps: frames a second; None is the stage's own rate.
         clip: "animation" or 0; None reads blend shapes where there are some.
+        empty: makes the array of an animation's positions.
 
     Raises:
         InputError: usd-core is not installed, the file cannot be opened, has no mesh, names files
@@ -78,7 +88,7 @@ def read_usd_shapes(path: Path, fps: float | None, clip: str | int | None) -> Me
             )
         return stage.blend_shapes(moving=len(times) > 1)
     if len(times) > 1:
-        return stage.frames(times, fps)
+        return stage.frames(times, fps, empty)
     vertices = stage.vertices(None, None)
     faces = stage.polygons.triangles(vertices, str(path))
     return MeshSequence(vertices[None], faces)
@@ -197,7 +207,7 @@ class UsdScene:
         faces = self.polygons.triangles(vertices[0], self.name)
         return MeshSequence(np.stack(vertices), faces, names)
 
-    def frames(self, times: list[float], fps: float | None) -> MeshSequence:
+    def frames(self, times: list[float], fps: float | None, empty: Empty) -> ShapeSequence:
         """The stage from the first of some time codes to the last."""
         scale = float(self.stage.GetTimeCodesPerSecond())
         rate = float(self.stage.GetFramesPerSecond()) if fps is None else fps
@@ -208,11 +218,12 @@ class UsdScene:
         check_room(F, V, self.size, self.name, f"frames at {rate:g} a second", "give a lower fps")
         for mesh in self.meshes:
             mesh.check_connectivity()
-        vertices = np.empty((F, V, 3))
+        vertices = empty((F, V, 3))
         for f, second in enumerate(seconds):
-            vertices[f] = self.vertices(float(second * scale), None)
+            vertices[f : f + 1] = self.vertices(float(second * scale), None)[None]
         faces = self.polygons.triangles(vertices[0], self.name)
-        return MeshSequence(vertices, faces, tuple(f"{_CLIP} {s:.4g} s" for s in seconds))
+        names = tuple(f"{_CLIP} {s:.4g} s" for s in seconds)
+        return shape_sequence(vertices, faces, names)
 
 
 def open_usd(path: Path) -> UsdScene:

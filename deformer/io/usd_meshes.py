@@ -81,7 +81,11 @@ class UsdMesh:
         return np.array(self._mesh.GetPointsAttr().Get(self._first), dtype=np.float64)
 
     def faces(self, time: float | None) -> tuple[IntArray, IntArray]:
-        """Corners of each stored face, and their vertices, at a time code or, with None, first."""
+        """Numbers of corners (F,) of the stored faces, and their vertices (corners,).
+
+        Args:
+            time: the time code; None is the first.
+        """
         code = self._first if time is None else self._pxr.Usd.TimeCode(time)
         counts = self._mesh.GetFaceVertexCountsAttr().Get(code)
         corners = self._mesh.GetFaceVertexIndicesAttr().Get(code)
@@ -149,7 +153,7 @@ class UsdMesh:
                 raise self._broken(f"other faces at time code {time:g} than at first")
 
     def shown_weights(self) -> FloatArray:
-        """Weights of the blend shapes at the first time, in the mesh's order."""
+        """Weights (shapes,) of the blend shapes at the first time, in the mesh's order."""
         return self._weights(self._first) if self._blend is not None else np.zeros(0)
 
     def _weights(self, time: Any) -> FloatArray:

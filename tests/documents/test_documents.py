@@ -5,6 +5,7 @@ import pytest
 
 import tubes
 from deformer import Document, InputError, Mesh, io, load_document, load_mesh, save_mesh
+from deformer.documents import posed_glb
 from deformer.documents.obj import ObjFile
 from deformer.documents.ply import ply_polygons
 
@@ -31,6 +32,19 @@ def test_another_format_gets_polygons_and_what_it_knows(tmp_path):
     (tmp_path / "pose.ply").write_bytes(found.write(goal, ".ply"))
     np.testing.assert_array_equal(load_mesh(tmp_path / "pose.ply").vertices, goal)
     np.testing.assert_array_equal(load_mesh(tmp_path / "pose.ply").faces, found.faces)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"), [("tube.obj", tubes.obj()), ("tube.ply", tubes.ply(""))]
+)
+def test_a_glb_of_another_format_tells_whose_vertices_it_has(tmp_path, name, content):
+    found, goal = document(tmp_path, name, content), tubes.positions(1.0)
+    data, owners = posed_glb(found, goal, found.faces)
+    assert data == found.write(goal, ".glb")
+    shown = io.GltfScene(io.GltfAsset(data, "the file")).vertices({}, {}, 1)[0]
+    np.testing.assert_allclose(shown, goal[owners], atol=1e-6)
+    assert set(owners) == set(range(len(goal)))
+    assert (len(owners) > len(goal)) == (name == "tube.obj")  # which has seams
 
 
 @pytest.mark.parametrize("order", ["", ">"])

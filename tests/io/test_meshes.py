@@ -515,11 +515,11 @@ def test_written_arrays_replace_a_file_at_the_end(tmp_path, monkeypatch):
     io.write_npz(tmp_path / "a.npz", {"faces": np.zeros(3)})
     before = (tmp_path / "a.npz").read_bytes()
 
-    def full(stream, **_):
+    def full(stream, *_, **__):
         stream.write(b"half a file")
         raise OSError("no space left on device")
 
-    monkeypatch.setattr(np, "savez_compressed", full)
+    monkeypatch.setattr(np.lib.format, "write_array", full)
     with pytest.raises(OSError, match="no space"):
         io.write_npz(tmp_path / "a.npz", {"faces": np.ones(3)})
     assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
@@ -813,6 +813,92 @@ def test_handles(tmp_path):
     assert io.load_handles(path, 5) == io.HandleFile(((first, second),), False, 0.01)
     path = write(tmp_path / "h.json", json.dumps({"frames": [[one], [two, one]]}))
     assert io.load_handles(path, 5) == io.HandleFile(((first,), (second, first)), True)
+
+
+def test_what_else_a_pose_needs(tmp_path):
+    """The regions that handles belong to, the prior, the start, and the model of their codes."""
+    alone = {"vertex": 1, "position": [0, 0, 0], "gap": [0, 0.5, 0]}
+    painted = {"vertex": 1, "position": [1, 0, 0], "region": 0}
+    data = {
+        "handles": [alone, painted],
+        "regions": [[1, 2, 3]],
+        "prior": {"mean": [0.5, -1], "noise": 0.02, "body": "stays"},
+        "start": {"z": [1, 2], "rotation": [0, 0, 1]},
+        "fingerprint": "ab",
+    }
+    path = write(tmp_path / "h.json", json.dumps(data))
+    found = io.load_handles(path, 5, components=2)
+    one = io.HandleTarget(1, (0.0, 0.0, 0.0), gap=(0.0, 0.5, 0.0))
+    assert found.frames == ((one, io.HandleTarget(1, (1.0, 0.0, 0.0), region=0)),)
+    assert found.regions == ((1, 2, 3),)
+    assert found.prior == io.HandlePrior((0.5, -1.0), 0.02, "stays")
+    assert found.start == io.HandleStart((1.0, 2.0), (0.0, 0.0, 1.0))
+    found.check_model(path, "ab")
+    with pytest.raises(InputError, match=r"h\.json: fingerprint: .*\(ab\).*\(cd\)"):
+        found.check_model(path, "cd")
+    io.HandleFile((), False).check_model(path, "cd")
+    for change, part in [
+        ({"prior": {"mean": [1, 2, 3]}}, "prior.mean: expected a list of 2"),
+        ({"prior": {"noise": 0}}, "prior.noise: expected a finite number above 0"),
+        ({"prior": {"body": "runs"}}, "prior.body: expected"),
+        ({"prior": {"strength": 1}}, "prior: unknown key 'strength'"),
+        ({"noise": 1.0}, "prior.noise: the file also has noise"),
+        ({"start": {"z": [1]}}, "start.z: expected a list of 2"),
+        ({"start": {"rotation": [0, 0, 0]}}, "start: no 'z'"),
+        ({"start": {"z": [1, 2], "translation": [0, 1e999, 0]}}, "start.translation[1]"),
+        ({"fingerprint": 7}, "fingerprint: expected"),
+        ({"regions": [[1, 5]]}, "regions[0][1]: expected"),
+        ({"regions": [[]]}, "regions[0]: expected a list of at least one vertex"),
+        ({"regions": []}, "handles[1].region: expected no region"),
+        ({"handles": [{**painted, "region": 1}]}, "handles[0].region: expected"),
+        ({"handles": [painted, painted]}, "vertex 1 of region 0 already has handle 0"),
+        ({"handles": [{**alone, "gap": [0, 1]}]}, "handles[0].gap: expected a list of 3"),
+    ]:
+        write(path, json.dumps({**data, **change}))
+        message = refusal(io.load_handles, path, 5, None, 2)
+        assert f"h.json: {part}" in message or part in message
+
+
+@pytest.mark.parametrize("key", ["start", "regions"])
+def test_frames_have_no_state_of_one_pose(tmp_path, key):
+    value = {"z": [1.0]} if key == "start" else [[1]]
+    data = {"frames": [[{"vertex": 1, "position": [0, 0, 0]}]], key: value}
+    message = refusal(io.load_handles, write(tmp_path / "h.json", json.dumps(data)), 5)
+    assert f"h.json: {key}: the file has frames" in message
+    frames = [[{"vertex": 1, "position": [0, 0, 0], "region": 0}]]
+    path = write(tmp_path / "h.json", json.dumps({"frames": frames}))
+    assert "unknown key" in refusal(io.load_handles, path, 5)
+
+
+def test_what_else_a_sequence_needs(tmp_path):
+    """The prior with a mean for each frame, the smoothness, rounds of relaxation, a floor, gaps."""
+    frames = [[{"vertex": 1, "position": [0, 0, 0], "gap": [0, 0.5, 0]}], []]
+    data = {
+        "frames": frames,
+        "prior": {"means": [[0.5, -1], [1, 2]], "noise": 0.02, "body": "auto"},
+        "smoothness": 3,
+        "relaxation": 4,
+        "floor": -0.5,
+        "fingerprint": "ab",
+    }
+    path = write(tmp_path / "h.json", json.dumps(data))
+    found = io.load_handles(path, 5, components=2)
+    assert found.frames[0][0].gap == (0.0, 0.5, 0.0)
+    assert found.prior == io.HandlePrior(None, 0.02, "auto", ((0.5, -1.0), (1.0, 2.0)))
+    assert (found.smoothness, found.relaxation, found.floor) == (3.0, 4, -0.5)
+    for change, part in [
+        ({"prior": {"means": [[1, 2]]}}, "prior.means: expected a list of 2"),
+        ({"prior": {"means": [[1, 2], [1]]}}, "prior.means[1]: expected a list of 2"),
+        ({"prior": {"means": [], "mean": [1, 2]}}, "prior.means: the prior also has mean"),
+        ({"smoothness": -1}, "smoothness: expected"),
+        ({"relaxation": 1.5}, "relaxation: expected"),
+        ({"relaxation": 1001}, "relaxation: expected"),
+    ]:
+        write(path, json.dumps({**data, **change}))
+        assert f"h.json: {part}" in refusal(io.load_handles, path, 5, None, 2)
+    for key in ("smoothness", "relaxation"):
+        write(path, json.dumps({"handles": frames[0], key: 1}))
+        assert f"{key}: the file has one pose" in refusal(io.load_handles, path, 5)
 
 
 @pytest.mark.parametrize("missing", [None, [None] * 3])
