@@ -5,6 +5,7 @@ from .displacements import (
 from .features import (
     FeatureExtractor as FeatureExtractor,
     extract_all as extract_all,
+    extract_each as extract_each,
     extract_features as extract_features,
     vertex_normals as vertex_normals,
 )
@@ -18,6 +19,9 @@ from .jacobians import (
     position_jacobian as position_jacobian,
     position_sensitivities as position_sensitivities,
     positions_from_features as positions_from_features,
+)
+from .mirror_map import (
+    MirrorMap as MirrorMap,
 )
 from .poisson import (
     PoissonSystem as PoissonSystem,

@@ -7,7 +7,7 @@ of S, after Gao et al., "Sparse Data Driven Mesh Deformation" (arXiv 1709.01250)
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -173,6 +173,10 @@ class FeatureExtractor:
         ridge = 1e-9 * gram.diagonal().mean() * sparse.eye_array(V)
         self._gram = SparseCholesky(gram + ridge, v)
 
+    def __reduce__(self) -> tuple[type[FeatureExtractor], tuple[Mesh]]:
+        """Pickle the reference: another process prepares the rest itself."""
+        return FeatureExtractor, (self.reference,)
+
     def gradients(self, vertices: ArrayLike) -> FloatArray:
         """Deformation gradients T (V, 3, 3) from the reference to `vertices` (V, 3).
 
@@ -306,7 +310,7 @@ def extract_features(
         progress: called with (done, total) after each shape.
 
     Returns:
-        q (N, V, 9): rotation vector in radians (3), then stretch xx xy xz yy yz zz (6). Memory
+        q (N, V, 9), a rotation vector in radians (3), then stretch xx xy xz yy yz zz (6). Memory
         beside the result is that of a few shapes.
 
     Raises:
@@ -316,6 +320,18 @@ def extract_features(
     checked_instance(shapes, "shapes", MeshSequence, remedy=remedy)
     extractor = FeatureExtractor(shapes.mesh(reference))
     return extract_all(extractor, shapes.vertices, progress)
+
+
+def extract_each(
+    extractor: FeatureExtractor, vertices: FloatArray, *, links: bool = False
+) -> Iterator[FloatArray]:
+    """Features (V, 9) of one shape after the other, extracted in parallel on all cores.
+
+    Args:
+        extractor, vertices, links: as of `extract_all`.
+    """
+    extract = extractor.extract_sites if links else extractor.extract
+    yield from in_parallel(extract, list(vertices))
 
 
 def extract_all(
@@ -335,13 +351,8 @@ def extract_all(
     """
     N, V, _ = vertices.shape
     q = np.empty((N, V + len(extractor.reference.links) if links else V, 9))
-    extract_one = extractor.extract_sites if links else extractor.extract
-
-    def extract(index: int) -> None:
-        q[index] = extract_one(vertices[index])
-
-    indices = range(len(vertices))
-    for done, _ in enumerate(in_parallel(extract, indices), start=1):
+    for n, found in enumerate(extract_each(extractor, vertices, links=links)):
+        q[n] = found
         if progress is not None:
-            progress(done, len(vertices))
+            progress(n + 1, N)
     return q

@@ -78,6 +78,10 @@ class PoissonSystem:
         # Solution of the grounded system for 1/V everywhere, a part of every Green's function.
         self._constant_solution = self.back_substitute(np.full((V, 1), 1.0 / V))[:, 0]
 
+    def __reduce__(self) -> tuple[type[PoissonSystem], tuple[Mesh]]:
+        """Pickle the reference: another process factors the system itself."""
+        return PoissonSystem, (self.reference,)
+
     def back_substitute(self, b: ArrayLike) -> FloatArray:
         """Solutions (V, m) of the grounded system for right-hand sides b (V, m), not centred."""
         return self.factor.solve(np.asarray(b, dtype=np.float64))
@@ -195,7 +199,8 @@ class PoissonSystem:
         K⁻¹ = L⁻¹ − (L + α A)⁻¹: each term has a spike at its vertex, the difference is smooth.
 
         Args:
-            vertices, weights: as in `green_rows`.
+            vertices: as in `green_rows`.
+            weights: as in `green_rows`.
             green: (H, V) the points' `green_rows`.
         """
         loads = self._loads(vertices, weights)
@@ -208,7 +213,8 @@ class PoissonSystem:
         definite, as the covariance of a smooth field is.
 
         Args:
-            vertices, weights: as in `green_rows`.
+            vertices: as in `green_rows`.
+            weights: as in `green_rows`.
         """
         loads = self._loads(vertices, weights)
         near, far = self._foundation_factor.solve(loads), self.screened_factor.solve(loads)

@@ -18,8 +18,10 @@ class FeatureScaler:
     Tan et al. 2018, feature scaling.
 
     Args:
-        r_min, r_max: least and greatest entry of the rotation vectors, radians.
-        s_min, s_max: least and greatest entry of the stretches.
+        r_min: least entry of the rotation vectors, radians.
+        r_max: greatest entry of the rotation vectors, radians.
+        s_min: least entry of the stretches.
+        s_max: greatest entry of the stretches.
 
     Raises:
         InputError: a bound that is not finite, or an empty range.

@@ -1,3 +1,8 @@
+from .axes import (
+    PROPER_AXES as PROPER_AXES,
+    axes_text as axes_text,
+    axis_turn as axis_turn,
+)
 from .geodesics import (
     Geodesics as Geodesics,
     SiteGeodesics as SiteGeodesics,
@@ -34,6 +39,7 @@ from .rotations import (
     closest_rotation_ as closest_rotation_,
     closest_rotations as closest_rotations,
     exp_ as exp_,
+    interpolate_rotations as interpolate_rotations,
     log_ as log_,
     log_to_rotation as log_to_rotation,
     polar as polar,
@@ -53,6 +59,13 @@ from .seams import (
     find_seams as find_seams,
     no_seams as no_seams,
     same_place as same_place,
+)
+from .stored_shapes import (
+    ShapeSequence as ShapeSequence,
+    StoredShapes as StoredShapes,
+    joined_shapes as joined_shapes,
+    map_shapes as map_shapes,
+    shape_sequence as shape_sequence,
 )
 from .strain import (
     FaceStrain as FaceStrain,

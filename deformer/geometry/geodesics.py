@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from functools import cached_property
+from threading import Lock
 
 import numpy as np
 import potpourri3d
@@ -48,7 +49,13 @@ class Geodesics:
         )
         self._cache_rows = cache_rows
         self._cache: OrderedDict[int, FloatArray] = OrderedDict()
+        # Several threads may ask for rows of one mesh.
+        self._lock = Lock()
         self._extent: float | None = None
+
+    def __reduce__(self) -> tuple[type[Geodesics], tuple[Mesh, int]]:
+        """Pickle the mesh: another process factors the systems itself."""
+        return Geodesics, (self.mesh, self._cache_rows)
 
     @cached_property
     def _graph(self) -> sparse.csr_array:
@@ -72,10 +79,17 @@ class Geodesics:
         vertex = checked_integer(vertex, "vertex")
         if not 0 <= vertex < V:
             raise InputError(f"vertex {vertex} does not exist; the mesh has vertices 0…{V - 1}")
-        if vertex in self._cache:
+        with self._lock:
+            if vertex not in self._cache:
+                self._cache[vertex] = self._computed(vertex)
             self._cache.move_to_end(vertex)
+            while len(self._cache) > self._cache_rows:
+                self._cache.popitem(last=False)
             return self._cache[vertex]
-        distance = np.zeros(V)
+
+    def _computed(self, vertex: int) -> FloatArray:
+        """The row of a vertex."""
+        distance = np.zeros(len(self.mesh.vertices))
         same = self.mesh.labels == self.mesh.labels[vertex]
         if same.sum() > 1:
             found = self._solver.compute_distance(int(self._position[vertex]))
@@ -85,9 +99,6 @@ class Geodesics:
             distance[~same] = along_edges[~same]
         distance[vertex] = 0.0
         distance.setflags(write=False)
-        self._cache[vertex] = distance
-        while len(self._cache) > self._cache_rows:
-            self._cache.popitem(last=False)
         return distance
 
     @property

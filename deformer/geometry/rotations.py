@@ -233,7 +233,9 @@ def _closest_rotation_batch(T, R):
 
 def log_to_rotation(r: ArrayLike) -> FloatArray:
     """Rotation matrices (..., 3, 3) of rotation vectors r (..., 3), in radians."""
-    flat = np.ascontiguousarray(checked_array(r, "r", ("...", 3), finite=False))
+    # A fit calls this ten thousand times: what needs no check has none.
+    ready = type(r) is np.ndarray and r.dtype == np.float64 and r.ndim and r.shape[-1] == 3
+    flat = np.ascontiguousarray(r if ready else checked_array(r, "r", ("...", 3), finite=False))
     out = np.empty((*flat.shape, 3))
     _exp_batch(flat.reshape(-1, 3), out.reshape(-1, 3, 3))
     return out
@@ -245,6 +247,29 @@ def rotation_to_log(R: ArrayLike) -> FloatArray:
     out = np.empty(flat.shape[:-1])
     _log_batch(flat.reshape(-1, 3, 3), out.reshape(-1, 3))
     return out
+
+
+def interpolate_rotations(start: ArrayLike, end: ArrayLike, share: ArrayLike) -> FloatArray:
+    """Rotations between two, along the shortest way at constant speed (slerp).
+
+    Args:
+        start: (3, 3) rotation matrix.
+        end: (3, 3) rotation matrix; where it is half a turn from `start`, one way is chosen.
+        share: (...) of the way: 0 is `start`, 1 is `end`.
+
+    Returns:
+        R (..., 3, 3).
+
+    Raises:
+        InputError: a matrix that is no rotation, or a share that is not finite.
+    """
+    first, last = (checked_rotations(R, name, ()) for R, name in ((start, "start"), (end, "end")))
+    for R, name in ((first, "start"), (last, "end")):
+        if np.isnan(R).any():
+            raise InputError(f"{name}: expected a rotation, got none; give a matrix (3, 3)")
+    t = checked_array(share, "share", largest=LARGEST)
+    # R(t) = R₀ exp(t log(R₀ᵀ R₁))
+    return np.asarray(first @ log_to_rotation(t[..., None] * rotation_to_log(first.T @ last)))
 
 
 def right_jacobian(r: ArrayLike) -> FloatArray:

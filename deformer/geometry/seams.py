@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import overload
 
 import numpy as np
 from scipy.spatial import KDTree
 
 from deformer.geometry.mesh import FloatArray, IntArray, Mesh, MeshSequence, component_roots
+from deformer.geometry.stored_shapes import ShapeSequence, map_shapes
 from deformer.geometry.surface_points import SurfacePoint
+from deformer.workspace import StoredArray, Workspace, blocks
 
 # Vertices coincide if they are no farther apart in any shape, in its bounding diagonals. Single
 # precision and texts with six decimals differ by less.
@@ -51,11 +54,27 @@ class Seams:
         """Values (..., V, n) of the file, from values (..., U, n) of the closed surface."""
         return values[..., self.closed, :] if self else values
 
-    def close_shapes(self, shapes: MeshSequence) -> MeshSequence:
-        """Shapes of the closed surface; faces that it makes lines of are left out."""
+    @overload
+    def close_shapes(self, shapes: MeshSequence) -> MeshSequence: ...
+
+    @overload
+    def close_shapes(self, shapes: ShapeSequence, workspace: Workspace) -> ShapeSequence: ...
+
+    def close_shapes(
+        self, shapes: ShapeSequence, workspace: Workspace | None = None
+    ) -> ShapeSequence:
+        """Shapes of the closed surface; faces that it makes lines of are left out.
+
+        Args:
+            shapes: the shapes of the file.
+            workspace: where the result is; None keeps it in memory.
+        """
         if not self:
             return shapes
-        return MeshSequence(self.close(shapes.vertices), self._faces(shapes.faces))
+        faces = self._faces(shapes.faces)
+        if workspace is not None:
+            return map_shapes(shapes, self.close, workspace, faces)
+        return MeshSequence(self.close(np.asarray(shapes.vertices)), faces)
 
     def close_mesh(self, mesh: Mesh) -> Mesh:
         """The mesh as `close_shapes` makes it."""
@@ -82,15 +101,16 @@ def no_seams(vertex_count: int) -> Seams:
     return Seams(np.arange(vertex_count))
 
 
-def find_seams(vertices: FloatArray) -> Seams:
+def find_seams(vertices: FloatArray | StoredArray) -> Seams:
     """Vertices that coincide in all shapes (N, V, 3), within `SEAM_TOLERANCE`."""
     V = vertices.shape[1]
     exact = same_place(vertices)
     apart = np.unique(exact)
-    reach = SEAM_TOLERANCE * np.linalg.norm(np.ptp(vertices, axis=1), axis=1)
+    extents = np.concatenate([np.ptp(vertices[part], axis=1) for part in blocks(vertices)])
+    reach = SEAM_TOLERANCE * np.linalg.norm(extents, axis=1)
     # What is far apart in one shape need not be looked at in the others.
     count = min(_NEIGHBOURS, len(apart))
-    p = vertices[0, apart]
+    p = vertices[0][apart]
     found = KDTree(p).query(p, count, distance_upper_bound=max(float(reach[0]), _TINY))
     i = np.repeat(apart, count)
     j = np.append(apart, V)[np.asarray(found[1]).reshape(-1)]
@@ -104,7 +124,7 @@ def find_seams(vertices: FloatArray) -> Seams:
     return Seams(number[root])
 
 
-def same_place(vertices: FloatArray) -> IntArray:
+def same_place(vertices: FloatArray | StoredArray) -> IntArray:
     """For every vertex of shapes (N, V, 3) the first vertex at exactly its place in all of them."""
     first = np.arange(vertices.shape[1])
     candidates, group = first.copy(), np.zeros(len(first))

@@ -26,6 +26,8 @@ SAMPLES = 96
 _NEIGHBOURS = 6
 # The slack of a bend: a factor on its standard deviation among the examples, and the least (rad).
 _SLACK_FACTOR, _LEAST_SLACK = 1.0, 0.02
+# Codes whose bends are in memory at once.
+_CODES = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +111,12 @@ def fit_bend_limits(
     dr = dq[:, :, :3]
     differences = dr[:, pairs[:, 0]] - dr[:, pairs[:, 1]]
     directions = np.ascontiguousarray(differences.reshape(len(differences), -1).T)
-    bends = codes @ directions.T
-    slack = np.hypot(_SLACK_FACTOR * bends.std(axis=0), _LEAST_SLACK)
-    return BendLimits(directions, bends.min(axis=0), bends.max(axis=0), slack)
+    # The deviation of D z from the covariance of z, so that few bends are in memory at a time.
+    centred = codes - codes.mean(axis=0)
+    variance = np.einsum("mk,kl,ml->m", directions, centred.T @ centred / len(codes), directions)
+    slack = np.hypot(_SLACK_FACTOR * np.sqrt(np.maximum(variance, 0.0)), _LEAST_SLACK)
+    low, high = np.full(len(directions), np.inf), np.full(len(directions), -np.inf)
+    for start in range(0, len(codes), _CODES):
+        bends = codes[start : start + _CODES] @ directions.T
+        low, high = np.minimum(low, bends.min(axis=0)), np.maximum(high, bends.max(axis=0))
+    return BendLimits(directions, low, high, slack)

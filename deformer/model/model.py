@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -158,6 +159,8 @@ class DeformationModel:
     def with_component_names(self, names: Mapping[int, str]) -> DeformationModel:
         """A copy with names for some components; the others keep theirs.
 
+        The copy shares everything that this model has computed, which depends on no name.
+
         Args:
             names: component → name; an empty name removes the component's.
 
@@ -168,7 +171,12 @@ class DeformationModel:
             raise InputError(f"names: expected component → name, got {shortened(names)}")
         merged = {**self.component_names, **names}
         kept = {k: name for k, name in merged.items() if not isinstance(name, str) or name.strip()}
-        return replace(self, component_names=kept)
+        named = copy(self)
+        checked = check_names(kept, self.components)
+        object.__setattr__(named, "component_names", checked)
+        if named.__dict__.get("closed") is self:
+            del named.__dict__["closed"]  # without seams it is the model itself
+        return named
 
     def component(self, key: int | str) -> int:
         """Index of the component with a name or an index.

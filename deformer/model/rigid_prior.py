@@ -8,6 +8,7 @@ shape; its standard deviation decides how far a moved handle moves the whole bod
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,21 +110,24 @@ def diffuse_prior_cost(prior: RigidPrior) -> float:
 
 
 def fit_rigid_prior(
-    codes: ArrayLike, decoded: ArrayLike, shapes: ArrayLike, diagonal: float
+    codes: ArrayLike,
+    decoded: Iterable[FloatArray],
+    shapes: Iterable[FloatArray],
+    diagonal: float,
 ) -> RigidPrior:
     """Rigid prior from the rigid motions between decoded codes and training shapes.
 
     Args:
         codes: (N, K) codes of the training shapes.
-        decoded: (N, V, 3) shapes decoded from them, with their centroids at the reference's.
-        shapes: (N, V, 3) the training shapes.
+        decoded: N shapes (V, 3) decoded from them, with their centroids at the reference's.
+        shapes: the N training shapes (V, 3).
         diagonal: bounding diagonal of the reference.
     """
     # Both need numba, whose import takes as long as all others; using a model does not need them.
     from deformer.geometry import procrustes, rotation_to_log
 
     rotations, translations = [], []
-    for a, b in zip(np.asarray(decoded), np.asarray(shapes), strict=True):
+    for a, b in zip(decoded, shapes, strict=True):
         R, _ = procrustes(a, b)
         rotations.append(rotation_to_log(R))
         translations.append((b.mean(axis=0) - a.mean(axis=0)) / diagonal)

@@ -45,7 +45,8 @@ FORMAT_VERSION = 2
 _WAIT = 30.0  # seconds for another process that writes the same model
 _FILES = ("model.json", "reference.ply", "weights.safetensors")
 _DOCUMENTS = tuple(f"document{suffix}" for suffix in DOCUMENT_SUFFIXES)
-_CARD = ("README.md",)  # kept when a model is saved again
+# The card, licence and picture of a shipped model: kept when a model is saved again.
+_CARD = ("README.md", "LICENSE", "picture.png")
 _KEYS = (
     *("format", "connectivity", "vertices", "faces", "config", "scaler", "split", "summary"),
     *("rigid_prior", "handle_noise", "component_names", "sha256"),
@@ -62,7 +63,9 @@ def check_model_folder(path: str | Path) -> None:
 
 
 def save_model(model: DeformationModel, path: str | Path) -> None:
-    """Write a model as a directory, replacing a model that is already there, but for its README.md.
+    """Write a model as a directory, replacing a model that is already there.
+
+    README.md, LICENSE and picture.png of the model that is there stay.
 
     Args:
         model: the model.

@@ -131,8 +131,8 @@ class ModelConfig:
         name: "paper", "default", or a name of one's own.
         components: K, the dimension of the latent code.
         training: settings of the training method: Adam (the paper) or a factorisation.
-        d_min, d_max: geodesic distances, divided by the largest, between which Λ rises from 0
-            to 1.
+        d_min: geodesic distance, divided by the largest, up to which Λ is 0.
+        d_max: the one from which Λ is 1; between the two it rises linearly.
         denoised: remove the examples' noise first, if there is any (`remove_noise`); False is the
             paper.
         mirrored: train also on the examples' mirror images, if they help to explain the examples

@@ -6,6 +6,7 @@ import numpy as np
 
 from deformer.acap import FeatureScaler
 from deformer.geometry import FloatArray, IntArray
+from deformer.linalg import in_parallel
 from deformer.network.decoder import Decoder
 from deformer.network.weights import NetworkWeights, Weights, ring_mean
 
@@ -39,7 +40,7 @@ class Encoder:
     def encode(self, q: FloatArray) -> FloatArray:
         """Latent codes (N, K) of features q (N, V, 9)."""
         if self._projection is not None:
-            return np.array([self._projection.project(features) for features in q])
+            return np.array(list(in_parallel(self._projection.project, list(q))))
         C = self._weights.C
         codes = np.empty((len(q), C.shape[2]))
         for start in range(0, len(q), _BATCH):

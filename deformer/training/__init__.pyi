@@ -8,8 +8,13 @@ from .cross_validation import (
     choose_noise as choose_noise,
     fit_each_noise as fit_each_noise,
 )
+from .launch import assist_training as assist_training
 from .loop import (
     TrainingProgress as TrainingProgress,
+)
+from .memory import (
+    TrainingMemory as TrainingMemory,
+    training_memory as training_memory,
 )
 from .sparse_components import (
     LocalisedSettings as LocalisedSettings,

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import signal
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,7 @@ from deformer.training.loop import (
     identity_of,
     run_training,
 )
+from deformer.training.ranks import Ranks
 
 # The best weights are updated every so many steps: on small sets a copy costs a third of a step.
 _BEST_EVERY = 10
@@ -73,8 +76,11 @@ class _Descent:
         generator: torch.Generator,
         locality: losses.Locality,
         settings: AdamSettings,
+        ranks: Ranks,
     ) -> None:
         self._network, self._shapes, self._settings = network, shapes, settings
+        self._ranks, self._parallel = ranks, ranks.parallel(network)
+        self._told = ranks.count == 1 or ranks.rank > 0  # do the others have this state?
         self._optimiser = torch.optim.Adam(
             network.parameters(), lr=settings.learning_rate, fused=True
         )
@@ -83,7 +89,7 @@ class _Descent:
         self._mean: Tensor | None = None
         if not self._stochastic:  # every step has the same shapes: their ring mean is constant
             with torch.no_grad():
-                self._mean = network.mean(shapes)
+                self._mean = network.mean(ranks.own(shapes))
         self.loss = float("inf")
         self.reconstruction = float("inf")
         self._best = {k: v.detach().clone() for k, v in network.state_dict().items()}
@@ -95,6 +101,11 @@ class _Descent:
 
     def step(self, epoch: int) -> tuple[float, ...]:
         """Take one step; returns the three weighted terms of the loss before it."""
+        if self._ranks.rank == 0:
+            if not self._told:
+                self._ranks.tell(self.state())
+                self._told = True
+            self._ranks.tell(epoch)
         network, settings, N = self._network, self._settings, self._shapes.shape[1]
         batch = self._shapes
         if 0 < settings.batch < N:
@@ -104,9 +115,10 @@ class _Descent:
         for group in self._optimiser.param_groups:
             group["lr"] = _learning_rate(settings, epoch)
         self._optimiser.zero_grad(set_to_none=True)
-        estimate, z = network(batch, self._mean)
+        own = self._ranks.own(batch)
+        estimate, z = self._parallel(own, self._mean)
         loss = losses.loss(
-            batch,
+            own,
             estimate,
             z,
             network.C,
@@ -115,8 +127,11 @@ class _Descent:
             range_weight=settings.range_weight,
             range_limit=settings.range_limit,
         )
+        loss = self._ranks.loss(
+            loss, z, batch.shape[1], settings.range_weight, settings.range_limit
+        )
         loss.total.backward()
-        terms = tuple(term.item() for term in loss)
+        terms = self._ranks.terms(loss)
         if self._stochastic:
             # Losses of different batches cannot be compared: the newest weights are the result.
             self.loss, self.reconstruction = sum(terms), terms[0]
@@ -198,7 +213,7 @@ def fit(
         config: configuration, whose `training` is an `AdamSettings`.
         seed: seed of the initial weights and the mixed shapes. The same seed gives the same network
             on one machine with one number of threads.
-        device: "cpu", "cuda", "mps" or "auto".
+        device: "cpu", "cuda", "mps" or "auto"; each process of a `torchrun` has a GPU of its own.
         checkpoint: folder written every half minute and at the end, or None.
         resume: continue from `checkpoint`; the result is that of an uninterrupted training.
         on_progress: called after every epoch.
@@ -214,24 +229,67 @@ def fit(
     settings = config.training
     if not isinstance(settings, AdamSettings):
         raise InputError(f"config: expected training by Adam, got {settings.method!r}")
-    target = resolve_device(device)
+    resolve_device(device)
+    ranks = Ranks()
+    try:
+        ranks.tell((x, indptr, rings, geodesics, config, seed, device))
+        descent = _prepared(x, indptr, rings, geodesics, config, seed, device, ranks=ranks)
+        outcome = run_training(
+            descent,
+            settings.epochs,
+            identity_of(x, config, seed),
+            checkpoint=checkpoint,
+            resume=resume,
+            on_progress=on_progress,
+        )
+        ranks.tell(None)  # the others have no more to do
+    finally:
+        ranks.leave()
+    weights = descent.weights().pruned(settings.pruning)
+    return TrainingResult(weights, descent.loss, descent.reconstruction, *outcome)
+
+
+def assist() -> None:
+    """Take the steps of `fit` in another process of a `torchrun`, until it ends.
+
+    Ctrl-C is for the other process, which lets this one finish the step.
+    """
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    ranks = Ranks()
+    try:
+        descent = _prepared(*ranks.tell(), ranks=ranks)
+        while (told := ranks.tell()) is not None:
+            if isinstance(told, int):
+                descent.step(told)
+            else:
+                descent.restore(*told)
+    finally:
+        ranks.leave()
+
+
+def _prepared(
+    x: FloatArray,
+    indptr: IntArray,
+    rings: IntArray,
+    geodesics: Geodesics | SiteGeodesics,
+    config: ModelConfig,
+    seed: int,
+    device: str,
+    *,
+    ranks: Ranks,
+) -> _Descent:
+    """The training before its first step; arguments as in `fit`."""
+    settings = config.training
+    assert isinstance(settings, AdamSettings)
+    target = ranks.device(device)
     torch.manual_seed(seed)
     network = MeshAutoencoder(indptr, rings, config.components, settings.layers).to(target)
     shapes = torch.as_tensor(np.swapaxes(x, 0, 1), dtype=torch.float32).contiguous().to(target)
     generator = torch.Generator().manual_seed(seed)
     mixer = _Mixer(shapes, geodesics, generator) if settings.mixed_shapes and len(x) > 1 else None
     locality = losses.Locality(geodesics, config.d_min, config.d_max)
-    descent = _Descent(network, shapes, mixer, generator, locality, settings)
-    outcome = run_training(
-        descent,
-        settings.epochs,
-        identity_of(x, config, seed),
-        checkpoint=checkpoint,
-        resume=resume,
-        on_progress=on_progress,
-    )
-    weights = descent.weights().pruned(settings.pruning)
-    return TrainingResult(weights, descent.loss, descent.reconstruction, *outcome)
+    return _Descent(network, shapes, mixer, generator, locality, settings, ranks)
 
 
 def _with_mixed(x: Tensor, mixer: _Mixer | None, count: int) -> Tensor:

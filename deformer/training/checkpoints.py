@@ -25,15 +25,20 @@ from deformer.io import (
     begins_with,
     check_directory,
     read_metadata,
+    read_rows,
     read_tensors,
     read_value,
+    write_rows,
     write_tensors,
 )
 from deformer.network import MOST_EPOCHS
+from deformer.workspace import Rows, StoredArray, Workspace, blocks
 
-_FORMAT = 1
+_FORMAT = 2
 _FILE = "checkpoint.json"
 _STAGES = ("features", "trials")
+# Arrays of stages that need not be in memory.
+_LARGE = ("vertices", "features")
 _REMEDY = "delete the checkpoint, or start without --resume"
 # Names of files of a checkpoint, with how these begin; last, what killed processes left of them.
 _WRITTEN = {
@@ -196,8 +201,13 @@ class Stages:
         """Nothing is read yet."""
         self._folder, self._identity = folder, {"format": _FORMAT, **identity}
 
-    def load(self, name: str) -> dict[str, NDArray] | None:
+    def load(self, name: str, workspace: Workspace | None = None) -> dict[str, Rows] | None:
         """Arrays of a stage, "features" or "trials"; None if it is not there.
+
+        Args:
+            name: of the stage.
+            workspace: gives memory for large arrays; those that it has none for stay in the file.
+                None reads all into memory.
 
         Raises:
             InputError: it is damaged, or of another identity.
@@ -205,7 +215,8 @@ class Stages:
         if self._folder is None or not (where := _stage(self._folder, name)).is_file():
             return None
         self.check(name)
-        arrays = read_tensors(where)
+        large = () if workspace is None else _LARGE
+        arrays = read_rows(where, workspace or Workspace(), large)
         if read_metadata(where, "identity")["arrays"].value != digest(arrays):
             raise InputError(f"{where}: altered since it was written; {_REMEDY}")
         return arrays
@@ -220,13 +231,13 @@ class Stages:
             return
         _compare(where, dict(read_metadata(where, "identity").entries()), self._identity)
 
-    def save(self, name: str, arrays: dict[str, NDArray]) -> None:
+    def save(self, name: str, arrays: Mapping[str, Rows]) -> None:
         """Keep the arrays of a stage, in place of earlier ones."""
         if self._folder is None:
             return
         self._folder.mkdir(parents=True, exist_ok=True)
         identity = {**self._identity, "arrays": digest(arrays)}
-        write_tensors(_stage(self._folder, name), arrays, {"identity": json.dumps(identity)})
+        write_rows(_stage(self._folder, name), arrays, {"identity": json.dumps(identity)})
 
 
 def check_identity(folder: str | Path, identity: dict[str, Any]) -> None:
@@ -251,12 +262,16 @@ def _stage(folder: str | Path, name: str) -> Path:
     return Path(folder) / f"{name}.safetensors"
 
 
-def digest(arrays: Mapping[str, NDArray]) -> str:
+def digest(arrays: Mapping[str, Rows]) -> str:
     """SHA-256 of arrays and their names."""
     found = hashlib.sha256()
     for name, array in sorted(arrays.items()):
         found.update(f"{name} {array.dtype} {array.shape}".encode())
-        found.update(np.ascontiguousarray(array).data)
+        if isinstance(array, StoredArray):
+            for part in blocks(array):
+                found.update(array[part].data)
+        else:
+            found.update(np.ascontiguousarray(array).data)
     return found.hexdigest()
 
 

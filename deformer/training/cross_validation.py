@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,16 +11,20 @@ from deformer.geometry import (
     FloatArray,
     Geodesics,
     IntArray,
-    MeshSequence,
+    ShapeSequence,
     farthest_points,
     sted_spatial,
 )
 from deformer.model import HANDLE_COUNTS
+from deformer.parallel import run_to_end
 
 # (vertices (H,), targets (H, 3), noises or misfits, the largest first) → positions (V, 3) for each.
 HandleFit = Callable[[IntArray, FloatArray, Sequence[float]], Iterable[FloatArray]]
 # Indices (n,) of the shapes to train on → handle fits of the model trained on them.
 TrainOnSubset = Callable[[IntArray], HandleFit]
+
+# Yields once a pose, and returns errors.
+Errors = Generator[None, None, FloatArray]
 
 _HELD_OUT = 3
 _CONTROL_COUNTS = (10, 40)
@@ -27,9 +32,50 @@ _CONTROL_COUNTS = (10, 40)
 MANY, _MOST_TURNS = 12, 5
 
 
+@dataclass(frozen=True, eq=False)
+class Recovery:
+    """Held-out shapes that are to be recovered from some of their vertices.
+
+    Args:
+        shapes: (n, V, 3).
+        faces: (F, 3).
+        control: (H,) the vertices that are given.
+        stretch: true if errors are those of edges, too.
+    """
+
+    shapes: FloatArray
+    faces: IntArray
+    control: IntArray
+    stretch: bool
+
+    def errors(self, fit: HandleFit, values: Sequence[float]) -> Errors:
+        """Logarithms (M,) of errors, for M noises or misfits.
+
+        They are the root mean square over the shapes; or, with stretch, means of the logarithms of
+        each shape's root mean square error and of its edges' deviation (`geometry.sted_spatial`).
+
+        Args:
+            fit: recovers a shape; it is given the values in reverse order.
+            values: noises or misfits, in increasing order.
+        """
+        found = np.empty((len(self.shapes), len(values)))
+        tiny = np.finfo(float).tiny
+        for shape, row in zip(self.shapes, found, strict=True):
+            poses = fit(self.control, shape[self.control], values[::-1])
+            for m, pose in enumerate(poses):
+                row[m] = ((pose - shape) ** 2).mean()
+                if self.stretch:
+                    deviation = sted_spatial(shape, pose, self.faces)
+                    row[m] = np.sqrt(max(row[m], tiny)) * max(deviation, tiny)
+                yield None
+        if self.stretch:
+            return 0.5 * np.log(np.maximum(found, tiny)).mean(axis=0)[::-1]
+        return 0.5 * np.log(np.maximum(found.mean(axis=0), tiny))[::-1]
+
+
 def choose_noise(
     train: TrainOnSubset,
-    shapes: MeshSequence,
+    shapes: ShapeSequence,
     geodesics: Geodesics,
     noises: Sequence[float],
     seed: int,
@@ -48,7 +94,7 @@ def choose_noise(
 
 def held_out_errors(
     train: TrainOnSubset,
-    shapes: MeshSequence,
+    shapes: ShapeSequence,
     geodesics: Geodesics,
     noises: Sequence[float],
     seed: int,
@@ -70,23 +116,35 @@ def held_out_errors(
         (M,) logarithms of root mean square errors, averaged over the two numbers of control
         vertices.
     """
+    fit = train(kept_for_noise(len(shapes)))
+    cases = noise_recoveries(shapes, geodesics, seed)
+    errors = [run_to_end(case.errors(fit, noises))[1] for case in cases]
+    return np.mean(errors, axis=0)
+
+
+def noise_recoveries(shapes: ShapeSequence, geodesics: Geodesics, seed: int) -> list[Recovery]:
+    """What `held_out_errors` recovers, from few and from many vertices."""
     N, V = shapes.vertices.shape[:2]
-    count = _held_out_count(N)
-    held_out: IntArray = 1 + _spread(N - 1, count)
-    fit = train(np.setdiff1d(np.arange(N), held_out))
-    errors = np.zeros(len(noises))
-    for control_count in _CONTROL_COUNTS:
-        control = farthest_points(geodesics, min(control_count, V), seed)
-        squares = np.zeros(len(noises))
-        for shape in shapes.vertices[held_out]:
-            poses = fit(control, shape[control], noises[::-1])
-            squares += [((pose - shape) ** 2).mean() / count for pose in poses]
-        errors += 0.5 * np.log(np.maximum(squares, np.finfo(float).tiny)) / len(_CONTROL_COUNTS)
-    return errors[::-1]
+    held_out = np.setdiff1d(np.arange(N), kept_for_noise(N))
+    return [
+        Recovery(
+            shapes.vertices[held_out],
+            shapes.faces,
+            farthest_points(geodesics, min(count, V), seed),
+            stretch=False,
+        )
+        for count in _CONTROL_COUNTS
+    ]
+
+
+def kept_for_noise(shape_count: int) -> IntArray:
+    """Indices of the shapes that `held_out_errors` trains on."""
+    held_out = 1 + _spread(shape_count - 1, _held_out_count(shape_count))
+    return np.setdiff1d(np.arange(shape_count), held_out)
 
 
 def held_out_turns(shape_count: int) -> list[IntArray]:
-    """Indices of the shapes that `misfit_errors` holds out in each turn.
+    """Indices of the shapes that `misfit_recoveries` holds out in each turn.
 
     Three shapes spread over the training shapes; of fewer than 12 a single one each turn, since
     what is left must come near to all of them.
@@ -99,45 +157,26 @@ def held_out_turns(shape_count: int) -> list[IntArray]:
     return [others[[n]] for n in _spread(len(others), min(len(others), _MOST_TURNS))]
 
 
-def misfit_errors(
-    train: TrainOnSubset,
-    shapes: MeshSequence,
-    geodesics: Geodesics,
-    misfits: Sequence[float],
-    turn: int,
-) -> FloatArray:
-    """Errors of held-out shapes in position and in stretch, by misfit.
+def misfit_recoveries(shapes: ShapeSequence, geodesics: Geodesics, turn: int) -> list[Recovery]:
+    """What one of `held_out_turns` recovers, from each number of `HANDLE_COUNTS` vertices.
 
-    As `held_out_errors`, but with the shapes of one of `held_out_turns`, from `HANDLE_COUNTS`
-    control vertices, which differ between turns.
+    Its shapes are those of the turn, and its control vertices differ between turns.
 
     Args:
-        train, shapes, geodesics: as there.
-        misfits: M candidates, in increasing order, in bounding diagonals.
+        shapes: N training shapes.
+        geodesics: distances over the reference.
         turn: index into `held_out_turns`.
-
-    Returns:
-        (2, M) means of the logarithms of the root mean square error and of the edges' deviation
-        (`geometry.sted_spatial`), from few and from many vertices.
     """
     N, V = shapes.vertices.shape[:2]
-    held_out = held_out_turns(N)[turn]
-    fit = train(np.setdiff1d(np.arange(N), held_out))
-    found = np.zeros((len(HANDLE_COUNTS), len(misfits)))
-    for errors, count in zip(found, HANDLE_COUNTS, strict=True):
-        control = farthest_points(geodesics, min(count, V), turn)
-        for shape in shapes.vertices[held_out]:
-            poses = fit(control, shape[control], misfits[::-1])
-            errors += [_log_error(shape, pose, shapes.faces) / len(held_out) for pose in poses]
-    return found[:, ::-1]
-
-
-def _log_error(shape: FloatArray, pose: FloatArray, faces: IntArray) -> float:
-    """Mean of the logarithms of the root mean square error and of the edges' deviation."""
-    square = float(((pose - shape) ** 2).mean())
-    stretch = sted_spatial(shape, pose, faces)
-    tiny = np.finfo(float).tiny
-    return 0.25 * float(np.log(max(square, tiny))) + 0.5 * float(np.log(max(stretch, tiny)))
+    return [
+        Recovery(
+            shapes.vertices[held_out_turns(N)[turn]],
+            shapes.faces,
+            farthest_points(geodesics, min(count, V), turn),
+            stretch=True,
+        )
+        for count in HANDLE_COUNTS
+    ]
 
 
 def _spread(count: int, chosen: int) -> IntArray:

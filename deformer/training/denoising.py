@@ -9,14 +9,20 @@ which a vertex's neighbours and the detail of the other shapes predict the verte
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
 
-from deformer.geometry import FloatArray, MeshSequence, closest_rotations, edges
+from deformer.geometry import (
+    FloatArray,
+    ShapeSequence,
+    closest_rotations,
+    edges,
+    shape_sequence,
+)
 from deformer.linalg import SparseCholesky
+from deformer.workspace import Rows, Workspace, slices
 
 # With fewer shapes their common detail is unknown.
 _FEWEST_SHAPES = 4
@@ -35,7 +41,7 @@ _PROBES = 16
 _NORMAL_MEDIAN = 0.6745
 
 
-def remove_noise(shapes: MeshSequence) -> tuple[FloatArray, float]:
+def remove_noise(shapes: ShapeSequence, workspace: Workspace) -> tuple[ShapeSequence, float]:
     """Remove the noise of shapes.
 
     Noise is the part of the positions that neither neighbours nor other shapes predict; it is
@@ -44,20 +50,21 @@ def remove_noise(shapes: MeshSequence) -> tuple[FloatArray, float]:
 
     Args:
         shapes: N shapes.
+        workspace: where the result is.
 
     Returns:
-        The shapes (N, V, 3) without noise, and the noise's standard deviation in each coordinate,
-        in the unit of the data; 0 if the shapes are not changed.
+        The shapes without noise, and the noise's standard deviation in each coordinate, in the unit
+        of the data; 0 if the shapes are not changed.
     """
     vertices = shapes.vertices
     if len(vertices) < _FEWEST_SHAPES:
-        return vertices, 0.0
+        return shapes, 0.0
     sample = vertices[np.unique(np.linspace(0, len(vertices) - 1, _SAMPLE).round().astype(int))]
     smoother = _Smoother(shapes)
     i, j = edges(shapes.faces).T
     edge = float(np.median(np.linalg.norm(sample[:, i] - sample[:, j], axis=2)))
     if smoother.split(sample, _DETECTION_STRENGTH).noise < _LEAST_NOISE * edge:
-        return vertices, 0.0
+        return shapes, 0.0
     # In decreasing order: with too weak smoothing the rotations follow the noise and predict it.
     best = smoother.split(sample, _STRENGTHS[0])
     for strength in _STRENGTHS[1:]:
@@ -65,39 +72,30 @@ def remove_noise(shapes: MeshSequence) -> tuple[FloatArray, float]:
         if found.prediction_error >= best.prediction_error:
             break
         best = found
-    return smoother.split(vertices, best.strength).clean(), best.noise
+    clean = smoother.clean(vertices, best.strength, workspace)
+    return shape_sequence(clean, shapes.faces, shapes.names), best.noise
 
 
 @dataclass(frozen=True, eq=False)
 class _Split:
-    """Shapes as smooth surfaces and detail.
+    """How well smooth surfaces and their common detail predict shapes.
 
     Args:
         strength: of the smoothing.
-        smooth: s (N, V, 3).
-        rotations: R (N, V, 3, 3).
-        detail: (N, V, 3) in the common frame, before it is averaged.
         prediction_error: root mean square error of the prediction by neighbours and other shapes.
         noise: the same deviation, estimated by the median, which few vertices with detail of their
             own do not change.
     """
 
     strength: float
-    smooth: FloatArray
-    rotations: FloatArray
-    detail: FloatArray
     prediction_error: float
     noise: float
-
-    def clean(self) -> FloatArray:
-        """Shapes (N, V, 3) with the mean detail."""
-        return self.smooth + np.einsum("nvab,vb->nva", self.rotations, self.detail.mean(axis=0))
 
 
 class _Smoother:
     """Least squares of positions with the squared second differences of their neighbourhoods."""
 
-    def __init__(self, shapes: MeshSequence) -> None:
+    def __init__(self, shapes: ShapeSequence) -> None:
         """Set up the differences; their weights are uniform, since noise distorts angles."""
         V = shapes.vertices.shape[1]
         i, j = edges(shapes.faces).T
@@ -114,9 +112,10 @@ class _Smoother:
     def split(self, shapes: FloatArray, strength: float) -> _Split:
         """Split shapes (N, V, 3); vertices without a face stay as they are."""
         N, V = shapes.shape[:2]
-        system = SparseCholesky(sparse.eye_array(V) + strength * self._bending, self._points)
-        smooth = np.concatenate([self._smooth(system, block) for block in _blocks(shapes)])
-        rotations = np.stack([self._rotations(smooth[0], shape) for shape in smooth])
+        system = self._system(strength)
+        parts = [self._smooth(system, shapes[part]) for part in slices(N, _BLOCK)]
+        smooth = np.concatenate(parts)
+        rotations = self._rotations(smooth[0], smooth)
         detail = np.einsum("nvba,nvb->nva", rotations, shapes - smooth)
         # Mean diagonal of the smoothing: a vertex's own share in its smoothed position.
         probes = np.random.default_rng(0).choice([-1.0, 1.0], size=(V, _PROBES))
@@ -126,15 +125,38 @@ class _Smoother:
         residual = (detail - others) / ((1.0 - own) * np.sqrt(N / (N - 1)))
         noise = float(np.median(np.abs(residual))) / _NORMAL_MEDIAN
         rms = float(np.sqrt((residual**2).mean()))
-        return _Split(strength, smooth, rotations, detail, rms, noise)
+        return _Split(strength, rms, noise)
+
+    def clean(self, shapes: Rows, strength: float, workspace: Workspace) -> Rows:
+        """Shapes (N, V, 3) as smooth surfaces with their mean detail, some at a time."""
+        out = workspace.empty(shapes.shape, np.float64)
+        system, parts = self._system(strength), slices(len(shapes), _BLOCK)
+        base = self._smooth(system, shapes[:1])[0]
+        detail = np.zeros(shapes.shape[1:])
+        for part in parts:
+            p = shapes[part]
+            out[part] = smooth = self._smooth(system, p)
+            detail += np.einsum("nvba,nvb->va", self._rotations(base, smooth), p - smooth)
+        detail /= len(shapes)
+        for part in parts:
+            smooth = out[part]
+            out[part] = smooth + np.einsum("nvab,vb->nva", self._rotations(base, smooth), detail)
+        return out
+
+    def _system(self, strength: float) -> SparseCholesky:
+        V = len(self._points)
+        return SparseCholesky(sparse.eye_array(V) + strength * self._bending, self._points)
 
     def _smooth(self, system: SparseCholesky, shapes: FloatArray) -> FloatArray:
         columns = shapes.transpose(1, 0, 2)
         found = system.solve(np.ascontiguousarray(columns.reshape(len(columns), -1)))
         return found.reshape(columns.shape).transpose(1, 0, 2)
 
-    def _rotations(self, base: FloatArray, shape: FloatArray) -> FloatArray:
-        """Rotations (V, 3, 3) of neighbourhoods, two edges wide, from `base` to `shape`."""
+    def _rotations(self, base: FloatArray, shapes: FloatArray) -> FloatArray:
+        """Rotations (n, V, 3, 3) of neighbourhoods, two edges wide, from `base` to shapes."""
+        return np.stack([self._rotation(base, shape) for shape in shapes])
+
+    def _rotation(self, base: FloatArray, shape: FloatArray) -> FloatArray:
         a, b = base - base.mean(axis=0), shape - shape.mean(axis=0)
         outer = np.einsum("va,vb->vab", b, a)
         spread = (self._near @ outer.reshape(-1, 9)).reshape(-1, 3, 3)
@@ -143,8 +165,3 @@ class _Smoother:
         spread -= np.einsum("va,vb->vab", self._near @ b, a)
         wide = spread + (self._near @ spread.reshape(-1, 9)).reshape(-1, 3, 3)
         return closest_rotations(wide)
-
-
-def _blocks(shapes: FloatArray) -> Iterator[FloatArray]:
-    for start in range(0, len(shapes), _BLOCK):
-        yield shapes[start : start + _BLOCK]

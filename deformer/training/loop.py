@@ -21,6 +21,7 @@ from deformer.training.checkpoints import (
     save_checkpoint,
 )
 from deformer.training.interrupts import DeferredInterrupt
+from deformer.training.site_tiles import SiteTiles
 
 _CHECKPOINT_SECONDS = 30.0
 
@@ -34,9 +35,12 @@ class TrainingProgress:
 
     Args:
         stage: "features", "training" or "cross-validation".
-        done, total: numbers of shapes, of epochs, or of epochs and handle fits of all trials.
+        done: number of shapes, of epochs, or of epochs and handle fits of all trials, so far.
+        total: the same number at the end of the stage.
         loss: sum of the terms; 0 outside of training, as they are.
-        reconstruction, sparsity, range: terms of the loss with their weights; see `losses.Loss`.
+        reconstruction: the squared error of the shapes; see `losses.Loss`.
+        sparsity: the term Ω with its weight.
+        range: the term V(Z) with its weight.
     """
 
     stage: str
@@ -106,16 +110,25 @@ class Outcome(NamedTuple):
     interrupted: bool
 
 
-def identity_of(x: FloatArray, config: ModelConfig, seed: int) -> dict[str, Any]:
+def identity_of(x: FloatArray | SiteTiles, config: ModelConfig, seed: int) -> dict[str, Any]:
     """Identity of a training run, which a checkpoint must have to be resumed; JSON values.
 
     Args:
-        x: (N, V, 9) scaled features.
+        x: (N, V, 9) scaled features, or tiles of features.
         config: configuration of the training.
         seed: seed of the training.
     """
-    shapes = [*x.shape, float(np.abs(x).sum()), float(x.std())]
+    if isinstance(x, SiteTiles):
+        shapes = [*x.shape, *np.sum([_sums(tile) for _, tile in x.each()], axis=0).tolist()]
+    else:
+        shapes = [*x.shape, float(np.abs(x).sum()), float(x.std())]
     return {"config": config.as_dict(), "seed": seed, "shapes": shapes}
+
+
+def _sums(numbers: NDArray) -> tuple[float, float]:
+    """Sums of magnitudes and of squares."""
+    squares = np.einsum("nm,nm->", numbers, numbers, dtype=np.float64)
+    return float(np.abs(numbers).sum(dtype=np.float64)), float(squares)
 
 
 def run_training(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,16 +17,17 @@ from deformer.checks import checked_indices
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
 from deformer.network import locality_row
+from deformer.parallel import Executor
+from deformer.training import site_pieces as pieces
+from deformer.training.admm import Sums
+from deformer.training.piecewise import Piecewise
+from deformer.training.site_tiles import SiteTiles
 
 # Distances (M,) from one site to all.
 Distances = Callable[[int], FloatArray]
 
 # Residuals up to this, of data of unit variance, count as rounding errors.
 _ROUNDING = 1e-10
-
-# Penalty ρ of the augmented Lagrangian, and ADMM iterations a round, as in the authors' program.
-_PENALTY = 10.0
-_ADMM_ITERATIONS = 10
 
 
 @dataclass(frozen=True)
@@ -137,49 +139,74 @@ def localised_components(
 class Factorisation:
     """The unknowns W (N, K), C (K, M·D) and the centres, and the three steps that improve them.
 
-    Their dtype is that of the data. All unknowns are 0 until `start` or `restore` sets them.
+    Their dtype is that of the data. All unknowns are 0 until `start` or `restore` sets them. The
+    components are in pieces, one a tile of the data, each where its tile is used (`Piecewise`): a
+    round sends weights to the pieces and gets sums back.
 
     Args:
-        X: (N, M, D) data of unit variance, of any floating dtype.
+        X: (N, M, D) data of unit variance, of any floating dtype, or tiles of them.
         distances, count, settings: as in `localised_components`.
+        executor: has other processes keep and fit the pieces, if there are several; None is this
+            one.
     """
 
     def __init__(
-        self, X: NDArray, distances: Distances, count: int, settings: LocalisedSettings
+        self,
+        X: NDArray | SiteTiles,
+        distances: Distances,
+        count: int,
+        settings: LocalisedSettings,
+        executor: Executor | None = None,
     ) -> None:
-        """Allocate the unknowns."""
-        N, self._sites, D = X.shape
-        self._X = X.reshape(N, -1)
-        self._squares = float(np.einsum("nm,nm->", self._X, self._X, dtype=np.float64))
+        """Allocate weights and penalties."""
+        self.data = X if isinstance(X, SiteTiles) else SiteTiles.of(X)
+        N, self._sites, _ = self.data.shape
+        # Σ ‖X_i‖² of all sites.
+        self._squares = sum(
+            float(np.einsum("nm,nm->", x, x, dtype=np.float64)) for _, x in self.data.each()
+        )
         self._distances = distances
         self._settings = settings
-        self.W = np.zeros((N, count), dtype=X.dtype)
-        self.C = np.zeros((count, self._sites * D), dtype=X.dtype)
+        dtype = self.data.dtype
+        self.W: NDArray = np.zeros((N, count), dtype=dtype)
         self.centres: IntArray = np.zeros(count, dtype=np.int64)
-        self._penalty = np.zeros((count, self._sites), dtype=X.dtype)
-        self._dual = np.zeros_like(self.C)
+        self._penalty: NDArray = np.zeros((count, self._sites), dtype=dtype)
+        self._pieces = Piecewise(self.data, executor)
+        # Sums of the components, and factors on them that the pieces do not have yet.
+        self._sums = Sums(
+            np.zeros((N, count)), np.zeros((count, count)), np.zeros_like(self._penalty)
+        )
+        self._scales: NDArray = np.ones(count, dtype=dtype)
 
     @property
-    def data(self) -> NDArray:
-        """The data X (N, M, D)."""
-        return self._X.reshape(len(self._X), self._sites, -1)
+    def C(self) -> NDArray:
+        """The components (K, M·D), gathered from the pieces."""
+        return self._pieces.gather("C", len(self.centres)) * self._scales[:, None]
 
     def start(self) -> None:
-        """Initialise the unknowns by greedy deflation."""
-        residual = self._X.reshape(len(self._X), self._sites, -1).copy()
-        for k in range(len(self.C)):
-            site = int((residual**2).sum((0, 2)).argmax())
-            left, scale, _ = np.linalg.svd(residual[:, site], full_matrices=False)
-            weight = self._normalised(left[:, 0] * scale[0])
+        """Initialise the unknowns by greedy deflation, see `site_pieces.deflated`."""
+        told = self._pieces.change(pieces.undeflated, lambda sites: (sites.stop - sites.start,))
+        for k in range(len(self.centres)):
+            tile = max(range(len(told)), key=lambda t: told[t].square)
+            site = self.data.sites(tile).start + told[tile].site
+            left, scale, _ = np.linalg.svd(told[tile].residual, full_matrices=False)
             self.centres[k], locality = site, self._locality(site)
             self._penalty[k] = self._length_weights(locality)
-            if scale[0] <= _ROUNDING * np.sqrt(len(weight)):
-                continue
-            # c_i = (1 − Λ_i) Σ_n w_n r_ni / Σ_n w_n²
-            component = np.tensordot(weight, residual, 1) / (weight @ weight)
-            component *= (1.0 - locality)[:, None]
-            residual -= weight[:, None, None] * component
-            self.W[:, k], self.C[k] = weight, component.ravel()
+            exhausted = scale[0] <= _ROUNDING * np.sqrt(len(left))
+            if not exhausted:
+                self.W[:, k] = self._normalised(left[:, 0] * scale[0])
+            told = self._deflate(k, site if exhausted else None, locality)
+        self._take(self._pieces.change(pieces.begun, lambda _: ()))
+
+    def _deflate(self, k: int, exhausted: int | None, locality: FloatArray) -> list[Any]:
+        """Have component k, of the weights W_k, in all pieces; their largest residuals."""
+        W = self.W[:, : k + 1].copy()
+
+        def order(sites: slice) -> tuple[Any, ...]:
+            here = exhausted is not None and sites.start <= exhausted < sites.stop
+            return W, locality[sites], exhausted - sites.start if here else None
+
+        return self._pieces.change(pieces.deflated, order)
 
     def round(self) -> None:
         """Improve weights, centres and components once."""
@@ -190,17 +217,32 @@ class Factorisation:
     @property
     def state(self) -> dict[str, np.ndarray]:
         """Arrays that later rounds depend on, by name."""
-        return {"W": self.W, "C": self.C, "centres": self.centres, "dual": self._dual}
+        dual = self._pieces.gather("dual", len(self.centres))
+        return {"W": self.W, "C": self.C, "centres": self.centres, "dual": dual}
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Continue from a `state` of the same problem."""
-        self.W, self.C, self._dual = (state[name].copy() for name in ("W", "C", "dual"))
+        self.W, D = state["W"].copy(), self.data.shape[2]
         remedy = "delete the checkpoint"
         self.centres = checked_indices(
             state["centres"], "checkpoint: centres", self._sites, what="vertex", remedy=remedy
         )
         for k, site in enumerate(self.centres.tolist()):
             self._penalty[k] = self._length_weights(self._locality(site))
+
+        def order(sites: slice) -> tuple[Any, ...]:
+            columns = slice(sites.start * D, sites.stop * D)
+            return *(
+                state[name][:, columns].copy() for name in ("C", "dual")
+            ), sites.stop - sites.start
+
+        self._take(self._pieces.change(pieces.given, order))
+
+    def _take(self, told: list[Sums]) -> None:
+        """Have the sums of all pieces, which have all factors."""
+        against, gram, lengths = zip(*told, strict=True)
+        self._sums = Sums(np.sum(against, axis=0), np.sum(gram, axis=0), np.hstack(lengths))
+        self._scales = np.ones_like(self._scales)
 
     def _length_weights(self, locality: FloatArray) -> FloatArray:
         """Weight (M,) of each site's length in the objective, λ Λ or more, from Λ (M,)."""
@@ -217,35 +259,27 @@ class Factorisation:
         largest = np.abs(weight).max()
         return weight / (largest or 1.0)
 
-    def _lengths(self, C: FloatArray) -> FloatArray:
-        sites = C.reshape(len(C), self._sites, -1)
-        return np.sqrt(np.einsum("kmd,kmd->km", sites, sites))
-
     def terms(self) -> tuple[float, float]:
-        """½‖X − W C‖² and Σ_k Σ_i λ Λ_ki ‖C_ki‖₂."""
-        return self._terms(self.C, self.W.T @ self.W, self.W.T @ self._X)
+        """½‖X − W C‖² and Σ_k Σ_i λ Λ_ki ‖C_ki‖₂; no residual is formed."""
+        against, gram, lengths = self._sums
+        W = self.W.astype(np.float64)
+        squares = self._squares - 2.0 * float((W * against).sum()) + float((W.T @ W * gram).sum())
+        penalty = np.einsum("km,km->", self._penalty, lengths, dtype=np.float64)
+        return max(0.0, 0.5 * squares), float(penalty)
 
     def objective(self) -> float:
         """The sum of `terms`."""
         return sum(self.terms())
-
-    def _terms(self, C: FloatArray, gram: FloatArray, against: FloatArray) -> tuple[float, float]:
-        """`terms` of other components C, from Wᵀ W and Wᵀ X: no residual is formed."""
-        cross = float(np.einsum("km,km->", against, C, dtype=np.float64))
-        own = float((gram.astype(np.float64) * (C @ C.T)).sum())
-        penalty = float((self._penalty * self._lengths(C)).sum(dtype=np.float64))
-        return max(0.0, 0.5 * (self._squares - 2.0 * cross + own)), penalty
 
     def fit_weights(self) -> None:
         """Minimise over each column of W in turn, within range, scaling C_k where it helps.
 
         Of the misfit only ½‖C_k‖²‖w − w*‖² depends on w = W_k, with w* the unconstrained best.
         """
-        gram = self.C @ self.C.T
-        against = self._X @ self.C.T
-        penalty = (self._penalty * self._lengths(self.C)).sum(1)
+        against, gram, lengths = self._sums
+        penalty = np.einsum("km,km->k", self._penalty, lengths, dtype=np.float64)
         lowest = -1.0 if self._settings.signed else 0.0
-        for k in range(len(self.C)):
+        for k in range(len(gram)):
             if gram[k, k] == 0:
                 self.W[:, k] = 0
                 continue
@@ -259,14 +293,15 @@ class Factorisation:
                 continue
             # w / scale and scale · C_k: the same product, with the largest weight 1.
             self.W[:, k] = free / scale if scale > 0 else 0.0
-            self.C[k] *= scale
+            self._scales[k] *= scale
             gram[k] *= scale
             gram[:, k] *= scale
             against[:, k] *= scale
+            lengths[k] *= scale
 
     def move_centres(self) -> None:
         """Move each centre to the site where the component is largest, if that lowers the cost."""
-        lengths = self._lengths(self.C)
+        lengths = self._sums.lengths
         for k, site in enumerate(lengths.argmax(1).tolist()):
             if site == self.centres[k]:
                 continue
@@ -275,24 +310,15 @@ class Factorisation:
                 self.centres[k], self._penalty[k] = site, penalty
 
     def fit_components(self) -> None:
-        """Fit components to the current weights and centres by ADMM, from the last round's dual."""
-        gram, against = self.W.T @ self.W, self.W.T @ self._X
-        inverse = np.linalg.inv(gram + _PENALTY * np.eye(len(gram), dtype=gram.dtype))
-        fixed, moving = inverse @ against, _PENALTY * inverse
-        Z, U = self.C, self._dual
-        for _ in range(_ADMM_ITERATIONS):
-            C = fixed + moving @ (Z - U)
-            C += U
-            Z = self._shrunk(C)
-            U = C - Z
-        self._dual = U
-        if sum(self._terms(Z, gram, against)) <= sum(self._terms(self.C, gram, against)):
-            self.C = Z
+        """Fit components to the current weights and centres by ADMM, from the last round's dual.
 
-    def _shrunk(self, C: FloatArray) -> FloatArray:
-        """Proximal map of λ Λ_ki ‖·‖₂ / ρ: shorter sites than λ Λ_ki / ρ become 0."""
-        lengths = self._lengths(C)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            kept = np.maximum(0.0, 1.0 - self._penalty / (_PENALTY * lengths))
-        kept[lengths == 0] = 0.0
-        return (C.reshape(*kept.shape, -1) * kept[..., None]).reshape(C.shape)
+        A fit that raises the objective is not kept.
+        """
+        old = self.objective()
+        W, scales = self.W.copy(), self._scales
+        told = self._pieces.change(
+            pieces.fitted, lambda sites: (W, scales, self._penalty[:, sites].copy())
+        )
+        self._take(told)
+        if self.objective() > old:
+            self._take(self._pieces.change(pieces.reverted, lambda _: ()))

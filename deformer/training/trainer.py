@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import nullcontext
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from deformer.checks import (
-    check_memory,
     checked_choice,
     checked_flag,
     checked_indices,
@@ -22,25 +21,12 @@ from deformer.checks import (
 )
 from deformer.documents import Document, checked_document
 from deformer.errors import InputError
-from deformer.geometry import (
-    FloatArray,
-    Mesh,
-    MeshSequence,
-    align,
-    e_rms,
-    find_seams,
-    vertex_errors,
-)
+from deformer.geometry import Mesh, MeshSequence, ShapeSequence, StoredShapes, find_seams
 from deformer.io import locked
 from deformer.linalg import check_device
 from deformer.model import DeformationModel
-from deformer.network import (
-    FEATURES,
-    AdamSettings,
-    FactorisationSettings,
-    ModelConfig,
-    resolve_config,
-)
+from deformer.network import FactorisationSettings, ModelConfig, resolve_config
+from deformer.parallel import Threads, WorkerLost, executor_of
 from deformer.training.checkpoints import (
     Stages,
     blamed,
@@ -51,13 +37,17 @@ from deformer.training.checkpoints import (
     has_trained,
     remove_checkpoint,
 )
+from deformer.training.launch import check_alone
 from deformer.training.loop import ProgressCallback, TrainingProgress, TrainingResult
+from deformer.training.memory import check_size
+from deformer.training.rebuilding import held_out_error, rebuilding
 from deformer.training.settings_search import SettingsSearch
 from deformer.training.training_set import TrainingSet
+from deformer.workspace import Workspace
 
 
 def train(
-    shapes: MeshSequence,
+    shapes: ShapeSequence,
     components: int | None = None,
     *,
     config: str | ModelConfig = "default",
@@ -71,6 +61,8 @@ def train(
     document: Document | None = None,
     checkpoint: str | Path | None = None,
     resume: bool = False,
+    workspace: Workspace | None = None,
+    cluster: str | None = None,
     on_progress: ProgressCallback | None = None,
 ) -> DeformationModel:
     """Learn a deformation prior from example shapes.
@@ -94,23 +86,34 @@ def train(
             with the model.
         checkpoint: folder for checkpoints, or None; an old checkpoint there is replaced.
         resume: continue from `checkpoint`.
+        workspace: says how much memory the process may use; arrays that exceed that are in
+            temporary files. None is half of what is free, and files beside the checkpoint or in the
+            system's folder. The model does not depend on it.
+        cluster: address of a Dask scheduler, "tcp://HOST:PORT", or "local:N" for N workers on this
+            machine, that extract features, try settings, and share the rounds of a factorisation
+            of many vertices. None is this process.
         on_progress: called during feature extraction and after every epoch.
 
     Returns:
-        The model. Ctrl-C during the training ends it: the model is then the best so far, and
+        The model. Ctrl-C during the training ends it with the best model so far, whose
         summary["interrupted"] is True.
 
     Raises:
         InputError: too few shapes, a bad split, config, device or checkpoint, a document of other
-            shapes, or another process is writing to `checkpoint`.
+            shapes, too little memory or room for temporary files, another process is writing to
+            `checkpoint`, the cluster cannot be used, or its workers end again and again.
         OSError: a checkpoint cannot be written.
         KeyboardInterrupt: Ctrl-C before or after the training. The checkpoint has what was
             finished: the features, the trials of settings, the network.
 
-    Source: Tan et al. 2018; `docs/equations.md` says which function has which of its equations.
+    Source: Tan et al. 2018; `docs/understand/equations.md` says which
+    function has which of its equations.
     """
-    checked_instance(shapes, "shapes", MeshSequence, remedy="load shapes with load_shapes")
+    if not isinstance(shapes, StoredShapes):
+        checked_instance(shapes, "shapes", MeshSequence, remedy="load shapes with load_shapes")
     settings = resolve_config(config, components=components, epochs=epochs, align=align_shapes)
+    if isinstance(settings.training, FactorisationSettings):
+        check_alone(f"the configuration {settings.name!r} is trained by one alone")
     checked_integer(seed, "seed", least=0, most=2**63 - 1)
     checked_flag(resume, "resume")
     check_device(device)
@@ -120,10 +123,15 @@ def train(
         document.check_fits(shapes.vertices.shape[1], shapes.faces)
     if resume and (checkpoint is None or not has_checkpoint(checkpoint)):
         raise InputError(f"{checkpoint}: no checkpoint to resume; start without resuming")
-    whole, seams = shapes, find_seams(shapes.vertices)
-    shapes = seams.close_shapes(whole)
-    _check_size(shapes, settings)
     folder = checked_path(checkpoint, "checkpoint") if checkpoint is not None else None
+    if folder is not None:
+        folder.absolute().parent.mkdir(parents=True, exist_ok=True)
+    if workspace is None:
+        workspace = Workspace(folder=None if folder is None else folder.absolute().parent)
+    checked_instance(workspace, "workspace", Workspace, remedy="make one, or leave it out")
+    check_size(shapes, settings, workspace)
+    whole, seams = shapes, find_seams(shapes.vertices)
+    shapes = seams.close_shapes(whole, workspace)
     split = _checked_split({} if split is None else split, len(shapes))
     indices = split["train"]
     if len(indices) < 2:
@@ -134,40 +142,44 @@ def train(
         reference = 0 if 0 in indices else indices[0]
     base = shapes.mesh(reference)
     # Before the training, so that an invalid index is reported at once.
-    test_shapes = shapes.subset(split["test"]).vertices if split["test"] else None
-
-    if folder is not None:
-        folder.absolute().parent.mkdir(parents=True, exist_ok=True)
+    test_shapes = shapes.subset(split["test"]) if split["test"] else None
 
     def on_features(done: int, total: int) -> None:
         if on_progress is not None:
             on_progress(TrainingProgress("features", done, total))
 
     reference_index = indices.index(reference) if reference in indices else None
-    chosen = shapes.subset(indices)
+    chosen = shapes if indices == list(range(len(shapes))) else shapes.subset(indices)
     arrays = {"shapes": chosen.vertices, "faces": chosen.faces, "reference": base.vertices}
     identity = {**_identity(settings, seed), "shapes": digest(arrays)}
     stages = Stages(folder, identity)
     chosen_handles = {}
-    with locked(folder) if folder is not None else nullcontext():
+    with (
+        locked(folder) if folder is not None else nullcontext(),
+        _losses_told(),
+        Threads() if cluster is None else executor_of(cluster=cluster) as executor,
+    ):
         if folder is not None and not resume:
             check_checkpoint(folder)
             remove_checkpoint(folder)
-        if (kept := stages.load("features")) is not None:
+        if (kept := stages.load("features", workspace)) is not None:
             with blamed(Path(stages.place("features"))):
-                examples = TrainingSet.restore(kept, base.faces)
+                examples = TrainingSet.restore(kept, base.faces, workspace)
         else:
-            examples = TrainingSet.prepare(chosen, base, reference_index, settings, on_features)
+            examples = TrainingSet.prepare(
+                chosen, base, reference_index, settings, workspace, executor, on_features
+            )
             stages.save("features", examples.arrays)
         with blamed(folder if resume else None):
             if isinstance(settings.training, FactorisationSettings):
-                search = SettingsSearch(examples, settings, stages, on_progress)
+                search = SettingsSearch(examples, settings, stages, executor, on_progress)
                 settings, noise, misfits = search.run()
                 chosen_handles = {"handle_noise": noise, "handle_misfits": misfits}
             result = examples.train_network(
                 settings,
                 seed=seed,
                 device=device,
+                executor=executor,
                 checkpoint=folder,
                 resume=resume and folder is not None and has_trained(folder),
                 on_progress=on_progress,
@@ -185,15 +197,11 @@ def train(
     }
     with blamed(folder if resume else None):
         model = examples.build_model(result.weights, settings, split, summary)
-    rebuilt = model.decode(model.codes)
-    summary["train_e_rms"] = e_rms(examples.shapes.vertices, rebuilt)
-    summary |= _farthest(examples.shapes.vertices, rebuilt, indices, base)
+    summary |= rebuilding(examples.shapes, model, indices)
     if "worst_piece_vertex" in summary:
         summary["worst_piece_vertex"] = int(seams.first[summary["worst_piece_vertex"]])
     if test_shapes is not None:
-        if settings.align:
-            test_shapes = align(test_shapes, examples.reference.vertices)
-        summary["test_e_rms"] = e_rms(test_shapes, model.decode(model.encode(test_shapes)))
+        summary["test_e_rms"] = held_out_error(test_shapes, model)
     opened = Mesh(seams.open(model.reference.vertices), whole.faces)
     return replace(model, reference=opened, seams=seams, document=document, **chosen_handles)
 
@@ -211,13 +219,28 @@ def check_resumable(
 
     Args:
         checkpoint: folder of the checkpoint.
-        components, config, epochs, align_shapes, seed: as in `train`.
+        components: as in `train`.
+        config: as in `train`.
+        epochs: as in `train`.
+        align_shapes: as in `train`.
+        seed: as in `train`.
 
     Raises:
         InputError: there is no checkpoint, it is damaged, or it was made with other options.
     """
     settings = resolve_config(config, components=components, epochs=epochs, align=align_shapes)
     check_identity(checkpoint, _identity(settings, seed))
+
+
+@contextmanager
+def _losses_told() -> Iterator[None]:
+    """Turn the loss of workers again and again into an InputError."""
+    try:
+        yield
+    except WorkerLost as error:
+        raise InputError(
+            f"cluster: {error}; give the workers more memory, then resume from the checkpoint"
+        ) from error
 
 
 def _checked_split(split: Any, count: int) -> dict[str, list[int]]:
@@ -234,63 +257,8 @@ def _checked_split(split: Any, count: int) -> dict[str, list[int]]:
     }
 
 
-def _check_size(shapes: MeshSequence, settings: ModelConfig) -> None:
-    """Raise InputError for more components than features, or than memory holds."""
-    (N, V), K = shapes.vertices.shape[:2], settings.components
-    if K > FEATURES * V:
-        raise InputError(
-            f"components: expected at most {FEATURES * V}, {FEATURES} for each of {V} vertices, "
-            f"got {shortened(K)}; ask for less"
-        )
-    width, mixed = FEATURES, 0
-    if isinstance(settings.training, AdamSettings):
-        width, mixed = max(FEATURES, *settings.layers), settings.training.mixed_shapes
-    # In single precision: the components with three arrays of their size, the features of the
-    # examples, of their mirror images and of mixed shapes; in double precision, K by K matrices.
-    size = 4 * V * width * (4 * K + 4 * N + 2 * mixed) + 4 * 8 * K * K
-    check_memory(size, f"training: {K} components, layers {settings.layers}, {V} vertices")
-
-
 def _identity(config: ModelConfig, seed: int) -> dict[str, Any]:
     return {"config": config.as_dict(), "seed": seed}
-
-
-def _farthest(
-    shapes: FloatArray, rebuilt: FloatArray, indices: list[int], reference: Mesh
-) -> dict[str, Any]:
-    """Entries of a model's summary about the shapes and the piece that its codes tell least of.
-
-    Args:
-        shapes: (N, V, 3) training shapes.
-        rebuilt: (N, V, 3) shapes decoded from their codes.
-        indices: (N,) indices of the training shapes.
-        reference: its connected components are the pieces.
-
-    Returns:
-        The shape whose centroid is farthest off, the shape that differs most besides, and where
-        there are several pieces the first vertex of the piece that does; each with its distance
-        (root mean square of the vertices') in bounding diagonals.
-    """
-    diagonal = reference.bounding_diagonal
-    places = np.linalg.norm(shapes.mean(axis=1) - rebuilt.mean(axis=1), axis=1) / diagonal
-    squares = (vertex_errors(shapes, rebuilt, "centroid") / diagonal) ** 2
-    of_shapes = np.sqrt(squares.mean(axis=1))
-    place, worst = int(places.argmax()), int(of_shapes.argmax())
-    entries = {
-        "worst_place": indices[place],
-        "worst_place_distance": float(places[place]),
-        "worst_shape": indices[worst],
-        "worst_shape_rms": float(of_shapes[worst]),
-    }
-    if len(reference.links) == 0:
-        return entries
-    sums = np.bincount(reference.labels, weights=squares.mean(axis=0))
-    of_pieces = np.sqrt(sums / np.bincount(reference.labels))
-    piece = int(of_pieces.argmax())
-    return entries | {
-        "worst_piece_vertex": int((reference.labels == piece).argmax()),
-        "worst_piece_rms": float(of_pieces[piece]),
-    }
 
 
 def _outcome(result: TrainingResult) -> dict[str, Any]:

@@ -4,6 +4,9 @@ import json
 import os
 import subprocess
 import sys
+import time
+from collections import OrderedDict
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -86,6 +89,28 @@ def test_awkward_meshes_have_distances():
     assert len(set(farthest_points(geodesics, V, seed=1))) == V
 
 
+def test_threads_may_share_the_rows():
+    """Also while rows are dropped: between a look-up and its row, another thread may drop it."""
+
+    class Slow(OrderedDict):
+        def __contains__(self, vertex):
+            found = super().__contains__(vertex)
+            time.sleep(1e-4)
+            return found
+
+    mesh = tube(6, 9)
+    expected = [Geodesics(mesh).row(vertex) for vertex in range(3)]
+    shared = Geodesics(mesh, cache_rows=2)
+    shared._cache = Slow()
+
+    def ask(first):
+        for n in range(60):
+            assert np.array_equal(shared.row((first + n) % 3), expected[(first + n) % 3])
+
+    with ThreadPoolExecutor(3) as pool:
+        list(pool.map(ask, range(3)))
+
+
 def test_rows_are_kept_and_cannot_be_written():
     geodesics = Geodesics(tube(), cache_rows=2)
     first = geodesics.row(1)
@@ -158,28 +183,24 @@ def test_impossible_counts_are_refused(count):
 
 
 _MEMORY = """
-import json, resource, sys
+import json
 import numpy as np
 from deformer import Geodesics, PoissonSystem, farthest_points
 from deformer.acap.features import FeatureExtractor
-from shapes import icosphere, strip, tube
-
-unit = 1 if sys.platform == "darwin" else 1024
-
-def peak():
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+from memory import peak_memory
+from shapes import strip, tube
 
 mesh = strip(200, 200, 1.0, 1.0)
 small = tube()
 Geodesics(small).row(0), FeatureExtractor(small).extract(small.vertices), PoissonSystem(small)
-before = peak()
+before = peak_memory()
 geodesics = Geodesics(mesh)
 chosen = farthest_points(geodesics, 20, seed=0)
 extractor = FeatureExtractor(mesh)
 system = PoissonSystem(mesh)
 system.reconstruct(extractor.extract(mesh.vertices))
 system.position_coefficients(system.green_rows(chosen))
-print(json.dumps({"V": len(mesh.vertices), "growth": peak() - before}))
+print(json.dumps({"V": len(mesh.vertices), "growth": peak_memory() - before}))
 """
 
 

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from deformer import InputError
 from deformer.geometry.rotations import (
     checked_rotations,
+    interpolate_rotations,
     log_to_rotation,
     polar,
     procrustes,
@@ -368,3 +369,25 @@ def test_procrustes_of_many_sets_is_that_of_each():
             np.testing.assert_allclose(R[n, m], each[0], atol=1e-12)
             np.testing.assert_allclose(t[n, m], each[1], atol=1e-12)
     np.testing.assert_allclose(R[:, 1], np.tile(np.eye(3), (5, 1, 1)), atol=1e-12)
+
+
+@settings(deadline=None)
+@given(axes, axes, st.floats(0, 3.0), st.lists(st.floats(-0.5, 1.5), max_size=4))
+def test_interpolated_rotations_turn_at_constant_speed_about_one_axis(a, b, angle, shares):
+    """Against the definition: the start, turned by a share of the angle about the axis."""
+    start = log_to_rotation(1.3 * b)
+    end = start @ log_to_rotation(angle * a)
+    found = interpolate_rotations(start, end, shares)
+    assert found.shape == (len(shares), 3, 3)
+    expected = start @ log_to_rotation(np.array(shares)[:, None] * angle * a)
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_interpolated_rotations_are_checked():
+    turn = np.eye(3)
+    with pytest.raises(InputError, match="start: expected a rotation, got none"):
+        interpolate_rotations(np.full((3, 3), np.nan), turn, 0.5)
+    with pytest.raises(InputError, match="end"):
+        interpolate_rotations(turn, 2 * turn, 0.5)
+    with pytest.raises(InputError, match="share"):
+        interpolate_rotations(turn, turn, np.nan)

@@ -55,6 +55,16 @@ def test_a_plane_needs_a_normal(normal):
         symmetry_about(icosphere(1), [0, 0, 0], normal)
 
 
+def test_of_two_planes_the_one_of_the_least_misfit_is_found():
+    """A tube with a dent: symmetric about one plane, and nearly so about others."""
+    mesh = tube(24, 31)
+    v = mesh.vertices * [1.0, 1.0, 1.4]
+    v[:, 0] *= 0.4
+    v[:, 1] += 0.02 * np.exp(-(v[:, 0] ** 2)) * np.maximum(v[:, 1], 0.0)
+    symmetry = find_symmetry(Mesh(v, mesh.faces))
+    assert symmetry.error < 1e-9 and abs(symmetry.normal[1]) < 1e-6
+
+
 def test_the_most_symmetric_of_poses_is_found_whatever_their_order():
     bar = lopsided_bar()
     twisted = Mesh(bar.vertices + 0.3 * bar.vertices[:, [1, 2, 0]] ** 2, bar.faces)

@@ -50,6 +50,15 @@ def test_components_are_found_by_index_and_by_name():
         model.component("6")
 
 
+def test_a_copy_with_other_names_shares_what_was_computed():
+    model = small_model()
+    poisson, decoder = model.poisson, model.decoder
+    assert model.closed is model  # it has no seams
+    named = model.with_component_names({0: "nod"})
+    assert named.poisson is poisson and named.decoder is decoder
+    assert named.closed is named and named.fingerprint == model.fingerprint
+
+
 @pytest.mark.parametrize(
     ("names", "words"),
     [

@@ -7,9 +7,16 @@ import trimesh
 import deformer
 from deformer.geometry.mesh import MeshSequence, edges
 from deformer.network.config import resolve_config
-from deformer.training.denoising import remove_noise
+from deformer.training import denoising
+from deformer.workspace import Workspace
 
 SEED = 3
+
+
+def remove_noise(shapes, workspace=None):
+    """Positions (N, V, 3) without noise, and the noise."""
+    clean, noise = denoising.remove_noise(shapes, workspace or Workspace())
+    return clean.vertices, noise
 
 
 def bent(count, detail=0.0):

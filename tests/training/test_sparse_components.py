@@ -106,7 +106,7 @@ def test_weights_and_component_are_scaled_together():
     problem = Factorisation(data, distances, 1, LocalisedSettings(sparsity=0.0))
     problem.start()
     along = problem.C[0] / np.linalg.norm(problem.C[0])
-    problem.C *= 3.0
+    problem.restore({**problem.state, "C": 3.0 * problem.C})
     problem.fit_weights()
     X = data.reshape(len(data), -1)
     np.testing.assert_allclose(problem.W @ problem.C, np.outer(X @ along, along), atol=1e-12)

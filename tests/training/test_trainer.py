@@ -8,9 +8,10 @@ import pytest
 
 from bars import bending_bar
 from deformer import InputError, MeshSequence, check_resumable, io, train
-from deformer.training import settings_search, trainer
+from deformer.training import trainer
 from deformer.training.settings_search import HANDLE_NOISES, SPARSITIES
 from deformer.training.training_set import TrainingSet
+from deformer.training.trials import Trials
 
 OPTIONS = {"components": 3, "epochs": 4}
 
@@ -28,7 +29,7 @@ class Stop:
 
     def __call__(self, progress):
         self.stages.append((progress.stage, progress.done))
-        if self.stages[-1] == self._at:
+        if progress.stage == self._at[0] and progress.done >= self._at[1]:
             raise KeyboardInterrupt
 
 
@@ -47,16 +48,17 @@ def assert_same(model, other):
 
 @pytest.mark.slow
 def test_features_and_finished_trials_are_not_repeated(tmp_path, whole):
-    # One of three trials has 4 rounds and 30 fits.
+    # One of three trials has 4 rounds and 30 fits; two are made side by side.
     with pytest.raises(KeyboardInterrupt):
         train(
             bending_bar(),
             **OPTIONS,
             checkpoint=tmp_path / "run",
-            on_progress=Stop("cross-validation", 40),
+            on_progress=Stop("cross-validation", 70),
         )
     model, told = resume(tmp_path / "run")
-    assert told.stages[0] == ("cross-validation", 35)
+    stage, done = told.stages[0]
+    assert stage == "cross-validation" and done > 68
     assert_same(model, whole)
 
 
@@ -73,13 +75,13 @@ def test_the_finished_network_is_kept(tmp_path, whole, monkeypatch):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(trainer, "e_rms", interrupted)
+        patch.setattr(trainer, "rebuilding", interrupted)
         with pytest.raises(KeyboardInterrupt):
             train(bending_bar(), **OPTIONS, checkpoint=tmp_path)
     # None of it is done again.
     monkeypatch.setattr(TrainingSet, "prepare", interrupted)
-    monkeypatch.setattr(settings_search, "held_out_errors", interrupted)
-    monkeypatch.setattr(settings_search, "misfit_errors", interrupted)
+    monkeypatch.setattr(Trials, "noise_errors", interrupted)
+    monkeypatch.setattr(Trials, "misfit_errors", interrupted)
     model, told = resume(tmp_path)
     assert told.stages == []
     assert_same(model, whole)
