@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from deformer.acap import PoissonSystem
+from deformer.editing.exact_rows import ExactRows, changed_arrays, with_room
 from deformer.editing.kernels import (
     BLOCK,
     MATRICES,
@@ -28,33 +29,14 @@ from deformer.editing.kernels import (
     rhs,
     to_user_order,
 )
+from deformer.editing.lift_kernels import node_frames
+from deformer.editing.nodes import NodeSystem
 from deformer.geometry import FloatArray, IntArray
 from deformer.linalg import CORES, over_ranges, ranges, run_calls, start_calls, wait_for
 from deformer.network import Decoder
 
 # Fewest blocks for a thread: a smaller share costs more to start than it saves.
 _SHARE = 128
-
-
-def schur_inverse(block: FloatArray) -> FloatArray:
-    """Inverse of the Schur complement [G_hh 1; 1ᵀ 0] of a system constrained at handles.
-
-    With [μ; t] = inverse [q − p_h; 0], the positions p + Gᵀμ + t have the handles at the targets q
-    and change p least, measured by the energy whose Green's functions are the rows of G; the
-    translation t is free. If targets exclude each other (coincident vertices), the handles come as
-    near to them as possible.
-
-    Args:
-        block: G_hh (H, H), entries of the rows of H handles at these handles.
-
-    Returns:
-        The pseudoinverse (H+1, H+1), float64.
-    """
-    H = len(block)
-    system = np.ones((H + 1, H + 1))
-    system[:H, :H] = block
-    system[H, H] = 0.0
-    return np.asarray(np.linalg.pinv(system, rcond=1e-13), dtype=np.float64)
 
 
 class DecodedSurface:
@@ -70,14 +52,22 @@ class DecodedSurface:
 
     Args:
         decoder: the model's decoder of all sites: V vertices, then B links.
-        system: the Poisson system of the same mesh.
+        system: the Poisson system of the same vertices.
+
+    Attributes:
+        exact: rows of the exact handles.
+        order: (V,) the vertices in the order of elimination.
+        reference: (3 V,) the reference in that order, centroid at the origin, in the unit.
+        unit: of length, the bounding diagonal.
+        has_rotations: false if all rotations are the identity.
     """
 
-    def __init__(self, decoder: Decoder, system: PoissonSystem) -> None:
+    def __init__(self, decoder: Decoder, system: PoissonSystem | NodeSystem) -> None:
         """Copy the decoder's matrix and the mesh into the order of elimination."""
         self._decoder, self._system = decoder, system
         self._factor = system.factor
-        order, links = self._factor.order, system.reference.links
+        self.order = order = self._factor.order
+        links = system.reference.links
         V, B = len(order), len(links)
         # Sites: the vertices in the order of elimination, then the links.
         self._sites: IntArray = np.append(order, np.arange(V, V + B))
@@ -88,14 +78,14 @@ class DecodedSurface:
         )
         self._links = self._factor.inverse_order[links]
         # Lengths are in bounding diagonals, so that no unit of the data leaves single precision.
-        self._unit = system.reference.bounding_diagonal
+        self.unit = system.reference.bounding_diagonal
         weights = sparse.csr_array(system.weights[order][:, order])
         weights.sort_indices()
         self._indptr = weights.indptr.astype(np.int64)
         self._rings = weights.indices.astype(np.int32)
         self._half_weights = (0.5 * weights.data).astype(np.float32)
-        v = (system.reference.vertices[order] - system.centroid) / self._unit
-        self._reference = v.astype(np.float32).ravel()
+        v = (system.reference.vertices[order] - system.centroid) / self.unit
+        self.reference = v.astype(np.float32).ravel()
         self._store_decoder(decoder)
         self._T = np.zeros(9 * len(self._padded), dtype=np.float32)
         self._x = np.zeros((V, 3), dtype=np.float32)
@@ -105,11 +95,7 @@ class DecodedSurface:
         self._running: list[Future[None]] = []
         self._handles: list[NDArray] = []
         self._coefficients = np.empty((self._blocks, 0, VECTORS), dtype=np.float32)
-        self._exact: list[NDArray] = []
-        self._green = np.empty((0, V), dtype=np.float32)
-        self._exact_index: IntArray = np.empty(0, dtype=np.int64)
-        self._exact_weights: FloatArray | None = None
-        self._exact_inverse = np.zeros((1, 1))
+        self.exact = ExactRows(V)
 
     def copy(self) -> DecodedSurface:
         """A surface of the same model and handles, with its own gradients and positions.
@@ -120,7 +106,7 @@ class DecodedSurface:
         other._T, other._x, other._rest = self._T.copy(), self._x.copy(), self._rest.copy()
         other._reset_rotations()
         other._running = []
-        other._exact, other._green = [], self._green[:0]
+        other.exact = ExactRows(len(self._x))
         return other
 
     def _store_decoder(self, decoder: Decoder) -> None:
@@ -162,7 +148,7 @@ class DecodedSurface:
             self._blocks,
             self._sites,
             coefficients,
-            1.0 / self._unit,
+            1.0 / self.unit,
             blocks,
         )
         return blocks
@@ -173,8 +159,8 @@ class DecodedSurface:
         Args:
             blocked: `block_coefficients` of each; the same array again costs nothing.
         """
-        self._coefficients = _with_room(self._coefficients, 1, len(blocked), len(self._handles))
-        for h in _changed(self._handles, blocked):
+        self._coefficients = with_room(self._coefficients, 1, len(blocked), len(self._handles))
+        for h in changed_arrays(self._handles, blocked):
             self._coefficients[:, h] = blocked[h]
         self._handles = blocked
 
@@ -195,16 +181,7 @@ class DecodedSurface:
                 neighbouring vertices hardly differ.
             weights: (H, m) with sums of 1.
         """
-        changed = _changed(self._exact, rows)
-        if not changed and len(rows) == len(self._exact):
-            return
-        self._green = _with_room(self._green, 0, len(rows), len(self._exact))
-        for h in changed:
-            self._green[h] = rows[h]
-        self._exact = rows
-        self._exact_index = self._factor.inverse_order[vertices]
-        self._exact_weights = weights
-        self._exact_inverse = schur_inverse(block)
+        self.exact.set(self._factor.inverse_order[vertices], rows, block, weights)
 
     def ordered(self, green: FloatArray) -> NDArray:
         """A row (V,) of one entry a vertex, float32, in the order of elimination."""
@@ -229,12 +206,36 @@ class DecodedSurface:
         """Copy the rotations of another surface of the same model."""
         self._wait()
         other._wait()
-        self._has_rotations = other._has_rotations
+        self.has_rotations = other.has_rotations
         self._quaternions, self._R = other._quaternions.copy(), other._R.copy()
+
+    @property
+    def quaternions(self) -> NDArray:
+        """Rotations (V, 4) as quaternions (w, x, y, z), float32, in the order of elimination."""
+        self._wait()
+        by_block = self._quaternions.reshape(-1, 4, BLOCK).transpose(0, 2, 1)
+        return by_block.reshape(-1, 4)[: len(self._x)]
+
+    def set_rotations(self, quaternions: NDArray) -> None:
+        """Replace the rotations by those of quaternions (V, 4), as `quaternions` has them."""
+        self.reset()
+        padded = np.resize(quaternions, (self._vertex_blocks * BLOCK, 4))
+        by_block = padded.reshape(-1, BLOCK, 4).transpose(0, 2, 1).reshape(-1)
+        self._quaternions[: len(by_block)] = by_block
+        self.relax(0)
+
+    def frames(self, out: NDArray) -> None:
+        """Write the affine maps x → M x + t, M = R T, from the reference to the positions.
+
+        Args:
+            out: (16 V,) float32, see `lift_kernels.node_frames`.
+        """
+        shape = self._R, self._T, self._x, self.reference, out
+        over_ranges(node_frames, len(self._x), *shape)
 
     def _reset_rotations(self) -> None:
         """Set all rotations to the identity, both the quaternions and their matrices."""
-        self._has_rotations = False
+        self.has_rotations = False
         identity = np.repeat(np.array([1, 0, 0, 0], dtype=np.float32), BLOCK)
         self._quaternions = np.tile(identity, self._blocks)
         self._R = np.tile(np.eye(3, dtype=np.float32).ravel(), len(self._padded))
@@ -264,7 +265,7 @@ class DecodedSurface:
             q = q.reshape(-1, MATRICES)
             calls = [(a, b, q[a:b], *frame, s) for (a, b), s in zip(pieces, sums, strict=True)]
             run_calls(gradients_and_positions, calls)
-        return self._unit * sums.sum(axis=0).reshape(-1, 3, BLOCK).sum(axis=2)
+        return self.unit * sums.sum(axis=0).reshape(-1, 3, BLOCK).sum(axis=2)
 
     def write_rhs(self) -> None:
         """Write the right-hand side of the next Poisson solve into the positions.
@@ -274,7 +275,7 @@ class DecodedSurface:
         """
         self._wait()
         mesh = self._indptr, self._rings, self._half_weights
-        reference, rest = (self._reference, self._T), (self._rest.ravel(), self._R)
+        reference, rest = (self.reference, self._T), (self._rest.ravel(), self._R)
         shape = rest if self._has_rest_shape else reference
         over_ranges(rhs, len(self._x), *mesh, *shape, self._x.ravel())
         if len(self._links) and not self._has_rest_shape:
@@ -285,7 +286,7 @@ class DecodedSurface:
         V = len(self._x)
         T = self._T.reshape(-1, 3, 3)
         i, j = self._links.T
-        lever = (self._system.lever / self._unit).astype(np.float32)
+        lever = (self._system.lever / self.unit).astype(np.float32)
         displacement = (T[V : V + len(i)] - T[j]) @ lever
         np.add.at(self._x, i, displacement)
         np.subtract.at(self._x, j, displacement)
@@ -296,7 +297,7 @@ class DecodedSurface:
             self._solve_sums()
             self._rest, self._x = self._x, self._rest
             self._has_rest_shape = True
-        if self._has_rotations:
+        if self.has_rotations:
             self._solve_sums()
         else:
             self._x[:] = self._rest
@@ -313,19 +314,23 @@ class DecodedSurface:
         Args:
             targets: (H, 3) positions, before the rigid motion of `positions`.
         """
-        H = len(self._exact)
-        if H == 0:
-            push, shift = np.zeros((0, 3)), -self._x.mean(axis=0, dtype=np.float64)
+        exact = self.exact
+        if len(exact):
+            push, shift = exact.loads(targets / self.unit - exact.means(self._x[exact.index]))
         else:
-            misfit = np.zeros((H + 1, 3))
-            at = self._x[self._exact_index]
-            if self._exact_weights is not None:
-                at = np.einsum("hm,hmc->hc", self._exact_weights, at)
-            misfit[:H] = targets / self._unit - at
-            solution = self._exact_inverse @ misfit
-            push, shift = solution[:H], solution[H]
-        change = self._green, push.astype(np.float32), shift.astype(np.float32)
-        over_ranges(add_green_functions, len(self._x), *change, self._x)
+            push = np.zeros((0, 3), dtype=np.float32)
+            shift = -self._x.mean(axis=0, dtype=np.float64).astype(np.float32)
+        self.move(exact.values, push, shift)
+
+    def move(self, rows: NDArray, push: NDArray, shift: NDArray) -> None:
+        """Add Σ_h rows_h push_h + shift to the positions.
+
+        Args:
+            rows: (H, V) float32 in the order of elimination.
+            push: (H, 3) float32 in the surface's unit, the bounding diagonal.
+            shift: (3,) float32.
+        """
+        over_ranges(add_green_functions, len(self._x), rows, push, shift, self._x)
 
     def positions(self, rotation: FloatArray, origin: FloatArray) -> FloatArray:
         """Positions (V, 3) float64 after a rigid motion, in the user's order and units.
@@ -335,7 +340,7 @@ class DecodedSurface:
             origin: (3,) translation after it.
         """
         out = np.empty((len(self._x), 3))
-        where = self._unit * rotation, origin, self._x, out
+        where = self.unit * rotation, origin, self._x, out
         over_ranges(to_user_order, len(out), self._factor.order, *where)
         return out
 
@@ -350,7 +355,7 @@ class DecodedSurface:
         mesh = self._indptr, self._rings, self._half_weights
         shapes = self._rest.ravel(), self._x.ravel()
         rest = *mesh, *shapes, self._R, self._quaternions, steps
-        self._has_rotations = True
+        self.has_rotations = True
         # One core is left to the caller.
         share = max(_SHARE, -(-self._vertex_blocks // max(1, CORES - 1)))
         calls = [(*piece, *rest) for piece in ranges(self._vertex_blocks, share)]
@@ -363,31 +368,11 @@ class DecodedSurface:
     @property
     def bytes_of_a_frame(self) -> int:
         """Bytes that a frame reads and writes: decoder, coefficients, mesh, factor, positions."""
-        arrays = [self._coefficients[:, : len(self._handles)], self._green[: len(self._exact)]]
-        arrays += [self._rings, self._half_weights, self._reference, self._T]
-        if len(self._exact):
+        arrays = [self._coefficients[:, : len(self._handles)], self.exact.values]
+        arrays += [self._rings, self._half_weights, self.reference, self._T]
+        if len(self.exact):
             arrays += [self._rings, self._half_weights, self._rest, self._R, self._quaternions]
         if self._decoder.pointwise:
             arrays += [self._matrix, self._scale]
         out = 8 * 3 * len(self._x)
         return sum(a.nbytes for a in arrays) + self._factor.bytes_per_solve + out
-
-
-def _changed(before: list[NDArray], now: list[NDArray]) -> list[int]:
-    """Indices h at which now[h] is not before[h], or beyond the end of `before`."""
-    return [h for h, row in enumerate(now) if h >= len(before) or before[h] is not row]
-
-
-def _with_room(array: NDArray, axis: int, count: int, used: int) -> NDArray:
-    """The array if it has room for `count` entries along an axis, else a larger copy.
-
-    The first `used` entries are copied; the size at least doubles.
-    """
-    if array.shape[axis] >= count:
-        return array
-    shape = list(array.shape)
-    shape[axis] = max(count, 2 * array.shape[axis])
-    larger = np.empty(shape, dtype=array.dtype)
-    kept = (slice(None),) * axis + (slice(used),)
-    larger[kept] = array[kept]
-    return larger

@@ -14,9 +14,9 @@ import torch
 from torch import Tensor
 
 from deformer.acap import STRETCH_COLUMNS, STRETCH_ROWS
-from deformer.editing.arap import schur_inverse
 from deformer.editing.batch_numba import FIRST_ROTATION_STEPS, ROTATION_STEPS, Boolean
 from deformer.editing.exact_handles import ExactHandles
+from deformer.editing.exact_rows import schur_inverse
 from deformer.editing.green_functions import HandleBasis
 from deformer.editing.kernels import DAMPING, LARGEST_STEP, OVER_RELAXATION
 from deformer.errors import InputError

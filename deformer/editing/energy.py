@@ -12,6 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
+from deformer.editing.bodies import Freedom, yielding_stiffness
+from deformer.editing.floor import FloorTerm
 from deformer.editing.handle_errors import ModelErrors
 from deformer.editing.handle_positions import Evaluation, HandlePositions
 from deformer.editing.unknowns import MOTION, Unknowns
@@ -48,7 +50,8 @@ class HandleEnergy:
     The rigid motion costs m = min(‖ω‖²/s_ω² + ‖t‖²/s_t², ‖ω‖²/S_ω² + ‖t‖²/S_t² + cost). In the
     first term the standard deviations s are those of the training shapes (`RigidPrior`), in the
     second S are those of `DIFFUSE_PRIOR`, and `diffuse_prior_cost` is the cost. With a `freedom`,
-    m = (‖ω‖²/S_ω² + ‖t‖²/S_t²) / freedom².
+    m = (‖ω‖²/S_ω² + ‖t‖²/S_t²) / freedom²; with the freedom "auto", m is that of
+    `yielding_stiffness`. A floor adds the squared depths of its contacts (`FloorTerm`).
 
     Args:
         prior: Gaussian N(μ, Σ) of the latent code, K dimensions.
@@ -60,10 +63,12 @@ class HandleEnergy:
         targets: q (H, 3) positions of the handles.
         weights: w (H,) positive factors.
         rigid_prior: s and c; None for models without.
-        freedom: factor on the standard deviations S; None is the minimum above.
+        freedom: factor on the standard deviations S, or "auto"; None is the minimum above.
         rigid_term: index of the only term of the minimum that counts, 0 or 1; None is the minimum.
         limits: limits of bends; None for models without.
         errors: the model's own at the handles; None if τ is 0.
+        floor: the floor and which handles are its contacts, whose weights are next to zero; None
+            without contacts.
     """
 
     prior: LatentPrior
@@ -75,10 +80,11 @@ class HandleEnergy:
     targets: FloatArray
     weights: FloatArray
     rigid_prior: RigidPrior | None = None
-    freedom: float | None = None
+    freedom: Freedom = None
     rigid_term: int | None = None
     limits: BendLimits | None = None
     errors: ModelErrors | None = None
+    floor: FloorTerm | None = None
 
     @classmethod
     def of_model(cls, model: DeformationModel, noise: float, rigid: bool) -> HandleEnergy:
@@ -98,6 +104,8 @@ class HandleEnergy:
 
     def by_rigid_term(self) -> list[HandleEnergy]:
         """One energy for each term of the minimum m(ω, t); this energy is their minimum."""
+        if self.freedom == "auto":
+            return [self]
         return [replace(self, rigid_term=term) for term in range(len(self._stiffnesses))]
 
     @property
@@ -141,7 +149,9 @@ class HandleEnergy:
 
     def rigid_motion(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rotation (3, 3) and origin (3,) for points given relative to the shape's centroid."""
-        return log_to_rotation(Unknowns(x).rotation), self.centroids(x)
+        parts = Unknowns(x)
+        Q = log_to_rotation(parts.rotation)
+        return Q, self.centroid + self.diagonal * parts.translation + Q @ self.centroid_offset(x)
 
     def centroids(self, x: FloatArray) -> FloatArray:
         """The shape's centroid after the rigid motion, (..., 3), of unknowns (..., K+6)."""
@@ -180,8 +190,12 @@ class HandleEnergy:
         """The energy at x (K+6,) with handle positions p (H, 3) relative to the centroid."""
         misfit = self._misfit(x, p)
         stiffness, cost = self.stiffness(x)
-        excess, _ = self.excess_bending(x)
-        return float((misfit**2).sum() + (stiffness * x**2).sum() + (excess**2).sum()) + cost
+        energy = float((misfit**2).sum() + (stiffness * x**2).sum()) + cost
+        if self.limits is not None:
+            energy += float((self.limits.excess(self.codes(x)) ** 2).sum())
+        if self.floor is not None:
+            energy += float((self.floor.misfit(self.move(x, p)) ** 2).sum())
+        return energy
 
     def noise_within_reach(self, x: FloatArray, p: FloatArray, least: float) -> float:
         """Noise with which targets out of reach leave the code a likely one.
@@ -262,6 +276,9 @@ class HandleEnergy:
 
     def stiffness(self, x: FloatArray) -> tuple[FloatArray, float]:
         """Weights (K+6,) of the squared unknowns at x, and the constant of the rigid term there."""
+        if self.freedom == "auto":
+            weights, constant = yielding_stiffness(Unknowns(x).motion)
+            return np.concatenate([np.ones(self.components), weights]), constant
         motion = Unknowns(x).motion ** 2
         return min(
             self._stiffnesses, key=lambda entry: Unknowns(entry[0]).motion @ motion + entry[1]
@@ -272,7 +289,8 @@ class HandleEnergy:
         """Weights and constant of each term of the minimum m(ω, t)."""
         code = np.ones(self.components)
         if self.freedom is not None or self.rigid_prior is None:
-            return [(np.concatenate([code, DIFFUSE_PRIOR.stiffness(self.freedom or 1.0)]), 0.0)]
+            share = 1.0 if self.freedom is None else float(self.freedom)
+            return [(np.concatenate([code, DIFFUSE_PRIOR.stiffness(share)]), 0.0)]
         terms = [
             (np.concatenate([code, self.rigid_prior.stiffness()]), 0.0),
             (
@@ -323,7 +341,23 @@ class HandleEnergy:
         J = self._jacobian(x, here.positions, here.derivative())[:, : self.active]
         misfit = self._misfit(x, here.positions).ravel()
         H, gradient = self.prior_equations(x)
-        return H + J.T @ J, gradient + J.T @ misfit
+        H, gradient = H + J.T @ J, gradient + J.T @ misfit
+        if self.floor is not None:
+            self._add_floor(self.floor, x, here, H, gradient)
+        return H, gradient
+
+    def _add_floor(
+        self, term: FloorTerm, x: FloatArray, here: Evaluation, H: FloatArray, gradient: FloatArray
+    ) -> None:
+        """Add the floor's part of the normal equations, that of contacts under it, in place."""
+        depths = term.misfit(self.move(x, here.positions))
+        under = depths > 0
+        rows = term.rows[under]
+        if len(rows):
+            tangents = self.tangents(x, here.positions[rows], here.derivative()[rows])
+            J = term.jacobian(tangents)[:, : self.active]
+            H += J.T @ J
+            gradient += J.T @ depths[under]
 
     def prior_equations(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The part of `normal_equations` without handles: that of the prior."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from deformer.editing.arap import DecodedSurface, schur_inverse
+from deformer.editing.exact_rows import schur_inverse
+from deformer.editing.lifted_surface import Surface
 from deformer.geometry import FloatArray, SurfacePoints
 
 # Newton steps that correct handles, the misfit, in bounding diagonals, that needs none, and the
@@ -35,7 +36,7 @@ class ExactHandles:
         return len(self.points.index)
 
     def solve(
-        self, surface: DecodedSurface, Q: FloatArray, origin: FloatArray, targets: FloatArray
+        self, surface: Surface, Q: FloatArray, origin: FloatArray, targets: FloatArray
     ) -> FloatArray:
         """Positions (V, 3) of a surface by its present rotations, the handles at their targets.
 

@@ -18,6 +18,7 @@ from deformer.editing.exact_handles import ExactHandles
 from deformer.editing.handle_errors import ModelErrors
 from deformer.editing.handle_kernels import BlockDecoder, BlockHandlePositions
 from deformer.editing.handle_positions import DenseHandlePositions, HandlePositions
+from deformer.editing.lifted_surface import LiftedSurface, moving_surface
 from deformer.editing.misfit_field import MisfitField
 from deformer.editing.orientations import LocalFrames
 from deformer.geometry import FloatArray, RowPoint, SurfacePoints, farthest_rows
@@ -37,11 +38,13 @@ class _PointRows:
         green: (V,) Green's function G_h = L⁺ e_h.
         landmark_coefficients: (S, 3) coefficients of its position, summed over landmarks' groups.
         block_coefficients: coefficients of its position, by `DecodedSurface.block_coefficients`.
+        moving_coefficients: the same of the surface of moving handles.
     """
 
     green: FloatArray
     landmark_coefficients: FloatArray
     block_coefficients: NDArray
+    moving_coefficients: NDArray
 
 
 class HandleBasis:
@@ -52,6 +55,8 @@ class HandleBasis:
 
     Attributes:
         surface: decodes codes to all vertices; it has the handles and exact handles set here.
+        moving: the surface while handles move: of a large mesh one that decodes to nodes, otherwise
+            `surface`.
         points: the H handles: vertices, points of the surface, or points of local frames.
         landmark_decoder: the decoder of the S landmarks.
         landmark_coefficients: (H, S, 3) coefficients of the handle positions by landmarks.
@@ -64,6 +69,7 @@ class HandleBasis:
         # The factorisation is done here so that the first exact handle need not wait for it.
         _ = model.poisson.screened_factor
         self.surface = DecodedSurface(model.decoder, model.poisson)
+        self.moving = moving_surface(model, self.surface)
         landmarks, labels = choose_landmarks(
             model.decoder, model.prior.factor, model.reference.vertices, _LANDMARKS
         )
@@ -92,21 +98,25 @@ class HandleBasis:
     def set_points(self, points: Sequence[RowPoint]) -> None:
         """Replace the handles; the rows of handles that stay are reused.
 
-        A handle that also keeps its index costs nothing.
+        A handle that also keeps its index costs nothing. Rows are computed one by one: a solve for
+        several rounds each of them otherwise, and poses would depend on when handles were added.
 
         Args:
             points: H handles, all different.
         """
         poisson = self.model.poisson
-        new = [point for point in points if point not in self._rows]
-        where = self._surface_points(new)
-        for point, row in zip(new, poisson.green_rows(where.index, where.weights), strict=True):
-            coefficients = self._coefficients([point], row[None])
-            self._rows[point] = _PointRows(
-                row,
-                self._grouping.sums(coefficients)[0],
-                self.surface.block_coefficients(coefficients[0]),
-            )
+        for point in points:
+            if point in self._rows:
+                continue
+            where = self._surface_points([point])
+            row = poisson.green_rows(where.index, where.weights)
+            coefficients = self._coefficients([point], row)
+            blocked = self.surface.block_coefficients(coefficients[0])
+            moving = blocked
+            if self.moving is not self.surface:
+                moving = self.moving.block_coefficients(coefficients[0])
+            by_landmark = self._grouping.sums(coefficients)[0]
+            self._rows[point] = _PointRows(row[0], by_landmark, blocked, moving)
         for gone in set(self._rows) - set(points):
             del self._rows[gone]
             self._bending_rows.pop(gone, None)
@@ -117,6 +127,7 @@ class HandleBasis:
         by_landmark = np.array([entry.landmark_coefficients for entry in rows])
         self.landmark_coefficients = by_landmark.reshape(len(rows), self._grouping.count, 3)
         self.surface.set_handles_by_block([entry.block_coefficients for entry in rows])
+        self.moving.set_handles_by_block([entry.moving_coefficients for entry in rows])
 
     def _surface_points(self, points: Sequence[RowPoint]) -> SurfacePoints:
         return SurfacePoints(points, self.model.reference.faces)
@@ -150,21 +161,24 @@ class HandleBasis:
 
         Args:
             points: n of the handles.
-            surface: `surface` or a copy of it; None is `surface`.
+            surface: a copy of `surface`; None is `surface` and `moving`.
         """
         exact = self.exact_handles(points)
         where, rows = exact.points, [self._bending_rows[point][1] for point in points]
         index, weights = where.index, None if where.is_vertex.all() else where.weights
         index = index[:, 0] if weights is None else index
         (surface or self.surface).set_exact(index, rows, exact.block, weights)
+        if surface is None and isinstance(self.moving, LiftedSurface):
+            self.moving.handles_changed()
         return exact
 
     def exact_handles(self, points: Sequence[RowPoint]) -> ExactHandles:
         """Handles (n,) as exact ones, with the rows by which they move all vertices."""
-        new = [point for point in points if point not in self._bending_rows]
-        where = self._surface_points(new)
-        rows = self.model.poisson.bending_rows(where.index, self._green_rows(new), where.weights)
-        for point, row in zip(new, rows, strict=True):
+        for point in points:
+            if point in self._bending_rows:
+                continue
+            where, green = self._surface_points([point]), self._green_rows([point])
+            (row,) = self.model.poisson.bending_rows(where.index, green, where.weights)
             self._bending_rows[point] = row, self.surface.ordered(row)
         found = [self._bending_rows[point][0] for point in points]
         rows = np.array(found).reshape(len(found), len(self.model.reference.vertices))
@@ -177,11 +191,11 @@ class HandleBasis:
         They are those of a thin plate on an elastic foundation (`PoissonSystem.foundation_rows`),
         of any scale.
         """
-        new = [point for point in self.points if point not in self._misfit_rows]
-        if new:
-            where = self._surface_points(new)
-            rows = self.model.poisson.foundation_rows(where.index, where.weights)
-            self._misfit_rows.update(zip(new, rows, strict=True))
+        for point in self.points:
+            if point not in self._misfit_rows:
+                where = self._surface_points([point])
+                (row,) = self.model.poisson.foundation_rows(where.index, where.weights)
+                self._misfit_rows[point] = row
         found = [self._misfit_rows[point] for point in self.points]
         return np.array(found).reshape(len(found), len(self.model.reference.vertices))
 

@@ -40,8 +40,6 @@ Point = int | SurfacePoint
 
 # Targets farther away, in bounding diagonals, would overflow in single precision.
 FARTHEST = 1e10
-# Targets that are no farther apart, in bounding diagonals, are one.
-_SAME_TARGET = 1e-9
 # Least noise of a sequence, in bounding diagonals: with less the descent over all frames stalls.
 LEAST_SEQUENCE_NOISE = 0.007
 
@@ -58,10 +56,14 @@ class Handle:
         orientation: rotation of the surface around the vertex, relative to the reference, as a
             unit quaternion (w, x, y, z) or a matrix (3, 3); None leaves it free.
         orientation_weight: factor on the squared error of the orientation, beside `weight`.
+        gap: (3,) vector from where the code's shape is to be to the target. Exact handles deform
+            the code's shape: a handle that is set on the deformed surface changes nothing with the
+            gap that it finds there (`surface_gaps`), and a handle that becomes a pin where the
+            surface is goes on to pull as before.
 
     Raises:
-        InputError: a vertex that is neither an index nor a `SurfacePoint`, a target that is not
-            three finite numbers, a weight that is not positive, a kind that is none, or an
+        InputError: a vertex that is neither an index nor a `SurfacePoint`, a target or gap that is
+            not three finite numbers, a weight that is not positive, a kind that is none, or an
             orientation that is no rotation.
     """
 
@@ -71,6 +73,7 @@ class Handle:
     kind: Kind = "soft"
     orientation: ArrayLike | None = None
     orientation_weight: float = 1.0
+    gap: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         """Check the arguments, and make plain numbers of numpy's."""
@@ -81,12 +84,15 @@ class Handle:
         target = checked_array(self.target, "target", (3,)).tolist()
         weight = checked_number(self.weight, "weight", above=0, most=LARGEST)
         checked_choice(self.kind, "kind", KINDS)
-        turn = checked_rotations(self.orientation, "orientation", ())
-        rows = None if np.isnan(turn).any() else tuple(map(tuple, turn.tolist()))
+        rows = None
+        if self.orientation is not None:
+            turn = checked_rotations(self.orientation, "orientation", ())
+            rows = None if np.isnan(turn).any() else tuple(map(tuple, turn.tolist()))
         name, most = "orientation_weight", MOST_ORIENTATION_WEIGHT
         factor = checked_number(self.orientation_weight, name, above=0, most=most)
+        gap = tuple(checked_array(self.gap, "gap", (3,), largest=LARGEST).tolist())
         plain = {"vertex": vertex, "target": tuple(target), "weight": weight, "orientation": rows}
-        for field, value in {**plain, name: factor}.items():
+        for field, value in {**plain, name: factor, "gap": gap}.items():
             object.__setattr__(self, field, value)
 
     @property
@@ -209,31 +215,6 @@ def check_points(model: DeformationModel, vertices: ArrayLike | Sequence[Point])
 def closed_point(model: DeformationModel, point: Point) -> Point:
     """A checked point of a model's reference as one of its surface without seams."""
     return plain_point(model.seams.close_point(point))
-
-
-def contradiction(
-    model: DeformationModel, points: Sequence[Point], targets: FloatArray, kinds: Sequence[Kind]
-) -> str | None:
-    """A warning if exact handles at one place of the surface have different targets; else None.
-
-    Args:
-        model: the model whose points they are.
-        points: H checked points.
-        targets: (H, 3) positions.
-        kinds: H kinds.
-    """
-    first: dict[Point, int] = {}
-    for h, point in enumerate(points):
-        if kinds[h] == "soft":
-            continue
-        other = first.setdefault(closed_point(model, point), h)
-        apart = float(np.linalg.norm(targets[h] - targets[other]))
-        if apart > _SAME_TARGET * model.reference.bounding_diagonal:
-            return (
-                f"handles {other} and {h}, at {points[other]} and {points[h]}, are one point of "
-                f"the surface, but their targets are {apart:.3g} apart; it goes to their mean"
-            )
-    return None
 
 
 def check_handles(

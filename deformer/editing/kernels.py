@@ -29,6 +29,9 @@ _9, _TINY = np.float32(9), np.float32(1e-30)
 DAMPING = np.float32(1e-5)
 # Tangent of half the largest angle of one Newton step.
 LARGEST_STEP = np.float32(0.6)
+# Square of a step of half an angle, in radians, that nearly reaches the rotation: what is left is
+# its square, or the share DAMPING of it.
+_SMALLEST_STEP = np.float32(1e-10)
 _TURN = np.float32(2 * math.pi)
 _PER_TURN = np.float32(0.5 / math.pi)
 # Over-relaxation: local steps go beyond their optimum by this factor, and local and global steps
@@ -227,7 +230,11 @@ def fit_step(A, D):
     matrix is not definite, far from the maximum, it is the fixed-point iteration of Müller et al.
     (A Robust Method to Extract the Rotational Part of Deformations, 2016). Neither needs a
     decomposition, and both work for flat one-rings, whose A is singular.
+
+    Returns:
+        The largest squared step, of half an angle.
     """
+    largest = _0
     for n in range(BLOCK):
         a, b, c, d = D[n], D[ROW1 + n], D[ROW2 + n], D[ROW3 + n]
         R00, R11 = _1 - _2 * (c * c + d * d), _1 - _2 * (b * b + d * d)
@@ -263,12 +270,15 @@ def fit_step(A, D):
         y = f * (c01 * u + c11 * v + c12 * w) if newton else f * v
         z = f * (c02 * u + c12 * v + c22 * w) if newton else f * w
         # The quadratic model is good for steps up to LARGEST_STEP.
-        f = min(_1, LARGEST_STEP / math.sqrt(x * x + y * y + z * z + _TINY))
+        size = x * x + y * y + z * z
+        largest = max(largest, size)
+        f = min(_1, LARGEST_STEP / math.sqrt(size + _TINY))
         x, y, z = f * x, f * y, f * z
         e, f = a - x * b - y * c - z * d, b + x * a + y * d - z * c
         g, h = c - x * d + y * a + z * b, d + x * c - y * b + z * a
         scale = _1 / math.sqrt(e * e + f * f + g * g + h * h)
         D[n], D[ROW1 + n], D[ROW2 + n], D[ROW3 + n] = scale * e, scale * f, scale * g, scale * h
+    return largest
 
 
 @njit(nogil=True, error_model="numpy", fastmath=True)
@@ -356,7 +366,9 @@ def fit_rotations(start, stop, indptr, rings, halves, x, p, R, turn, steps):
         _matrices(q, r)
         _times_transposed(B, r, A)
         for _ in range(steps):
-            fit_step(A, D)
+            # After a step this small the next one is a rounding error.
+            if fit_step(A, D) < _SMALLEST_STEP:
+                break
         _compose(D, q)
         for n in range(QUATERNIONS):
             turn[QUATERNIONS * block + n] = q[n]

@@ -33,36 +33,35 @@ class MisfitTrack:
     Args:
         errors: the model's.
         noise: σ, of the targets, in bounding diagonals.
-        weights: (F, H) of the handles; 0 is a handle that is not seen.
         smoothness: weight of squared accelerations in the sequence; 0 is frames on their own.
     """
 
-    def __init__(
-        self, errors: ModelErrors, noise: float, weights: FloatArray, smoothness: float
-    ) -> None:
+    def __init__(self, errors: ModelErrors, noise: float, smoothness: float) -> None:
         """Find the modes of the correlations, and the factor a."""
         values, vectors = np.linalg.eigh(errors.correlation)
         kept = values > _LEAST * values[-1]
         self._modes = errors.misfit * vectors[:, kept] * np.sqrt(values[kept])
-        self._precision = weights / noise**2
+        self._noise = noise
         self._roughness = _LENGTH**4 * smoothness
         # The variance is the mean of the spectrum 1 / (a (1 + ℓ⁴ (2 − 2 cos ω)²)).
         squared = (2.0 - 2.0 * np.cos(np.pi * (np.arange(_FREQUENCIES) + 0.5) / _FREQUENCIES)) ** 2
         self._stiffness = float(np.mean(1.0 / (1.0 + self._roughness * squared)))
         self._last = np.zeros((0, self._modes.shape[1], 3))
 
-    def expected(self, frames: slice, errors: FloatArray) -> FloatArray:
+    def expected(self, count: int, weights: FloatArray, errors: FloatArray) -> FloatArray:
         """Expected errors (m, H, 3) of the model in the m frames of a window.
 
         The windows follow each other: up to two frames before, as they were found, are fixed.
 
         Args:
-            frames: range of the m frames.
-            errors: (n, H, 3) of the handles in these frames, and in some after them that also
-                count: targets less positions. Those of handles that are not seen do not.
+            count: m.
+            weights: (n, H) of the handles in these frames, and in some after them that also count;
+                0 is a handle that is not seen.
+            errors: (n, H, 3) of the handles in the same frames: targets less positions. Those of
+                handles that are not seen do not count.
         """
-        B, n, m = self._modes, len(errors), frames.stop - frames.start
-        precision, r = self._precision[frames.start : frames.start + n], B.shape[1]
+        B, n, m = self._modes, len(errors), count
+        precision, r = weights / self._noise**2, B.shape[1]
         before = self._last.reshape(len(self._last), 3 * r)
         roughness = Roughness(len(before), n, self._stiffness * self._roughness)
         A = np.einsum("hr,mh,hs->mrs", B, precision, B, optimize=True)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from deformer.editing.arap import DecodedSurface
 from deformer.editing.green_functions import HandleBasis
+from deformer.editing.lifted_surface import LiftedSurface, Surface
 from deformer.editing.search import CodeSearch, State
 from deformer.geometry import FloatArray, IntArray, RowPoint
 
@@ -21,10 +22,8 @@ _FIRST_ROTATION_STEPS = 60
 _ROTATION_STEPS = 10
 # A round of relaxation that moves no vertex by this much, in bounding diagonals, is the last one.
 _RELAXED = 2e-5
-# At rest: rounds of the full relaxation a call; the way of a vertex in one call from the last
-# frame's pose to the relaxed one, in bounding diagonals, and the most calls that this takes.
+# Rounds of the full relaxation in a call at rest.
 _ROUNDS_A_CALL = 5
-_STRIDE, _STRIDES = 2e-3, 30
 
 
 @dataclass(eq=False)
@@ -50,26 +49,6 @@ class _Relaxing:
         return len(done) < _ROUNDS_A_CALL
 
 
-@dataclass(eq=False)
-class _Fading:
-    """What a drag's frames have ahead of the relaxed pose, which shrinks to zero in equal steps.
-
-    Args:
-        offset: (V, 3) at first.
-        steps: in all.
-        left: steps left.
-    """
-
-    offset: FloatArray
-    steps: int
-    left: int
-
-    def next(self) -> FloatArray:
-        """The offset (V, 3) one step later."""
-        self.left -= 1
-        return self.left / self.steps * self.offset
-
-
 class PosedSurface:
     """The surface of a solver's states, with the rigid relaxation for the handles that it reaches.
 
@@ -90,30 +69,43 @@ class PosedSurface:
         """Start without handles."""
         self._search, self._basis, self.rounds = search, basis, rounds
         self._surface = basis.surface
+        # The surface of the last frame, which has the present rotations.
+        self._last: Surface = basis.surface
         self._exact = basis.exact_handles([])
         self._points: list[RowPoint] = []
         self._index: IntArray = np.zeros(0, dtype=np.int64)
         self.hard: NDArray[np.bool_] = np.zeros(0, dtype=bool)
+        self._gaps = np.zeros((0, 3))
         self._forget_rest()
-        self._fading: _Fading | None = None
 
-    def set_exact(self, hard: NDArray[np.bool_]) -> None:
+    def set_exact(self, hard: NDArray[np.bool_], gaps: FloatArray) -> None:
         """Choose the exact handles among the basis's points.
 
-        To be called whenever the energy's handles have changed.
+        To be called whenever the energy's handles have changed. Rigid relaxation has the handles in
+        an order of their own: sums depend on it in their last digits, and the basis's order on
+        which handles there were before.
 
         Args:
             hard: (H,) true for exact handles.
+            gaps: (H, 3) vectors from the energy's targets to those of the surface.
         """
-        reaching = hard | (self._search.energy.misfit > 0)
-        self._index = np.flatnonzero(reaching)
+        if not np.array_equal(gaps, self._gaps):
+            self._forget_rest()
+        self._gaps = gaps
+        energy = self._search.energy
+        reached = hard | (energy.misfit > 0)
+        if energy.floor is not None:
+            reached[energy.floor.rows] = hard[energy.floor.rows]
+        reaching = np.flatnonzero(reached).tolist()
+        reaching.sort(key=lambda n: _place(self._basis.points[n]))
+        self._index = np.array(reaching, dtype=np.int64)
         points = [self._basis.points[n] for n in self._index]
         if points != self._points or not np.array_equal(hard, self.hard):
             self._forget_rest()
         if points != self._points:
             self._points, self._exact = points, self._basis.set_exact(points)
             if not points:
-                self._surface.reset()
+                self._last.reset()
         self.hard = hard
 
     def _forget_rest(self) -> None:
@@ -122,73 +114,61 @@ class PosedSurface:
 
     def at_rest(self, state: State) -> bool:
         """True once `settled` of this state no longer changes."""
-        return self._rest is not None and self._rest[0] is state and self._fading is None
+        return self._rest is not None and self._rest[0] is state
 
     def frame(self, state: State) -> FloatArray:
         """Positions (V, 3) of a state, with the rotations that the last frame's relaxation left."""
-        vertices = self._frame(state)
-        if self._fading is not None:
-            vertices = self._faded(vertices)
+        self._search.decode(state)
+        surface = state.surface
+        self._continue_on(surface)
+        vertices = self._solved(surface, state)
+        if self._relaxes:
+            surface.relax(_FRAME_ROTATION_STEPS)
         return vertices
 
-    def _frame(self, state: State) -> FloatArray:
-        self._search.decode(state)
-        vertices = self._solved(self._surface, state)
-        if self._relaxes:
-            self._surface.relax(_FRAME_ROTATION_STEPS)
-        return vertices
+    def _continue_on(self, surface: Surface) -> None:
+        """Give a surface the present rotations."""
+        last, self._last = self._last, surface
+        if surface is last:
+            return
+        if isinstance(surface, LiftedSurface):
+            surface.restrict_rotations()
+        elif isinstance(last, LiftedSurface):
+            last.prolong_rotations()
 
     def relaxed(self, state: State) -> FloatArray:
-        """Positions (V, 3) of a state after a full relaxation: they depend on nothing else."""
+        """Positions (V, 3) of a state after a full relaxation: they depend on nothing else.
+
+        Args:
+            state: by all vertices.
+        """
         self._forget_rest()
-        self._fading = None
+        self._last = self._surface
         self._surface.reset()
         self._search.decode(state)
         *_, vertices = self._relaxation(self._surface, state)
         self._rest = state, vertices
         return vertices.copy()
 
-    def jumped(self, before: State, state: State) -> FloatArray:
-        """Positions (V, 3) after a jump to another minimum: on the way to those of `relaxed`.
-
-        Args:
-            before: the state of the last frame, for the same handles.
-            state: the present one.
-        """
-        last = self.frame(before)
-        return self._approach(state, last, self.relaxed(state))
-
     def settled(self, state: State) -> FloatArray:
-        """Positions (V, 3) of a state that stays: call by call nearer to those of `relaxed`.
+        """Positions (V, 3) of a state that stays, by all vertices: after some calls, `relaxed`'s.
 
-        A few rounds of a full relaxation are done in each call, on a copy, while the frames go on;
-        then these come to its result by small steps.
+        Each call does a few rounds of a full relaxation on a copy, and gives a frame until it ends.
         """
+        if not self.at_rest(state) and not self._relaxes:
+            self._rest = state, self.frame(state)
         if self._rest is not None and self._rest[0] is state:
-            vertices = self._rest[1]
-            return vertices.copy() if self._fading is None else self._faded(vertices)
-        if not self._relaxes:
-            self._rest = state, self._frame(state)
-            return self.settled(state)
+            return self._rest[1].copy()
         if self._relaxing is None or self._relaxing.state is not state:
             self._relaxing = self._begun(state)
         relaxing = self._relaxing
-        ended, frame = relaxing.advance(), self.frame(state)
-        if not ended:
-            return frame
-        vertices = relaxing.vertices
+        if not relaxing.advance():
+            return self.frame(state)
         self._forget_rest()
-        self._rest = state, vertices
+        self._rest = state, relaxing.vertices
+        self._last = self._surface
         self._surface.take_rotations(relaxing.surface)
-        return self._approach(state, frame, vertices)
-
-    def _approach(self, state: State, last: FloatArray, vertices: FloatArray) -> FloatArray:
-        """Positions (V, 3) one step from the last frame's towards a state's relaxed ones."""
-        offset = last - vertices
-        away = np.linalg.norm(offset, axis=1).max() / self._search.energy.diagonal
-        steps = min(int(np.ceil(away / _STRIDE)), _STRIDES)
-        self._fading = _Fading(offset, steps, steps) if steps else None
-        return self.settled(state)
+        return relaxing.vertices.copy()
 
     @property
     def _relaxes(self) -> bool:
@@ -212,7 +192,7 @@ class PosedSurface:
             if np.abs(vertices - before).max() < _RELAXED * self._search.energy.diagonal:
                 break
 
-    def _solved(self, surface: DecodedSurface, state: State) -> FloatArray:
+    def _solved(self, surface: Surface, state: State) -> FloatArray:
         """Positions (V, 3) by a surface's present rotations, handles where they are to be."""
         motion = self._search.energy.rigid_motion(state.x)
         return self._exact.solve(surface, *motion, self._goals(state)[self._index])
@@ -220,18 +200,16 @@ class PosedSurface:
     def _goals(self, state: State) -> FloatArray:
         """Where the shape of a state deforms to: exact handles to their targets, soft ones near."""
         energy = self._search.energy
+        targets = energy.targets + self._gaps  # of the surface
         if self.hard.all() or not energy.misfit:
-            return energy.targets
+            return targets
         at = energy.move(state.x, state.p)
-        return np.where(self.hard[:, None], energy.targets, at + energy.model_error(at))
+        near = at + energy.model_error(at) + self._gaps
+        return np.where(self.hard[:, None], targets, near)
 
-    def _faded(self, vertices: FloatArray) -> FloatArray:
-        """Positions (V, 3) that are on their way to `vertices`; exact handles are there already."""
-        assert self._fading is not None
-        vertices = vertices + self._fading.next()
-        if not self._fading.left:
-            self._fading = None
-        at = self._exact.points.at(vertices)
-        targets, hard = self._search.energy.targets[self._index], self.hard[self._index, None]
-        self._exact.correct(vertices, np.where(hard, targets, at))
-        return vertices
+
+def _place(point: RowPoint) -> tuple[tuple[int, ...], tuple[float, ...], float]:
+    """Where a handle is on the mesh, for sorting."""
+    if isinstance(point, int):
+        return (point,), (1.0,), 0.0
+    return point.vertices, point.weights, point.offset

@@ -7,13 +7,15 @@ exact energy, and near the minimum their derivative corrects that of the landmar
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from deformer.editing.energy import HandleEnergy
+from deformer.editing.floor import FloorTerm
 from deformer.editing.green_functions import HandleBasis
 from deformer.editing.handle_positions import CorrectedHandlePositions, HandlePositions
+from deformer.editing.lifted_surface import Surface
 from deformer.editing.unknowns import MOTION, Unknowns
 from deformer.geometry import FloatArray, spread
 from deformer.model import LatentPrior
@@ -24,10 +26,17 @@ _CANDIDATES = 32
 _STARTS = 3
 _START_STEPS = 40
 _FINISHED = 2
+# Descents by landmarks that end with energies and unknowns that differ by no more than this (a
+# share, and standard deviations) have found the same minimum: one of them is refined. Other minima
+# are mostly two deviations away.
+_SAME_ENERGY, _SAME_MINIMUM = 2e-3, 0.3
 # A frame of a drag: steps, the relative gain that ends them, and how far (relative, and in units
-# of the energy) the exact energy may lie above the landmarks' estimate.
-_FRAME_STEPS = 4
-_FRAME_GAIN = 5e-2
+# of the energy) the exact energy may lie above the landmarks' estimate. Most frames need two or
+# three steps; one that stops early leaves a part of the way for the next frames, or for the rest.
+# Targets out of reach make the energy large: with a gain of 1e-3 drags stopped short of a bend in
+# its valley, and the pose at rest was up to half a diagonal away.
+_FRAME_STEPS = 16
+_FRAME_GAIN = 1e-4
 _ESTIMATE_TOLERANCE = 0.05
 # Refinement (of a cold solve, or of a frame with unchanged targets): steps with one derivative by
 # all vertices, the relative gain that ends them, and the most such derivatives of a cold solve.
@@ -39,9 +48,11 @@ _REFINEMENTS = 10
 # the share _LOWER.
 _RESTING = 1e-2
 _RESTING_GAIN = 1e-9
-_LOWER = 5e-3
-# The relative gain of such a solve that, once all that is searched, is the last.
-_STILL = 1e-4
+_LOWER = 9e-3
+# A refinement at rest whose relative gain is at most this is not adopted: the state is a minimum.
+# A restored state is one up to the second number, and stays as it is to the last digit: the descent
+# that led to it may have used other landmarks.
+_STILL, _STILL_RESTORED = 1e-4, 1e-3
 # Noise chosen by the search: the change that is followed, and the most changes in one minimum.
 _NOISE_CHANGE, _NOISE_CHANGES = 1.05, 8
 # Shares of a refining step, tried in turn until one lowers the exact energy.
@@ -50,17 +61,20 @@ _SHARES = (1.0, 0.3, 0.1, 0.03)
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Unknowns with their exact handle positions and energy.
+    """Unknowns with their handle positions and energy.
 
     Args:
         x: (K+6,) unknowns.
-        p: (H, 3) handle positions by all vertices, relative to the shape's centroid.
+        p: (H, 3) handle positions by all vertices, or by nodes while handles move, relative to the
+            shape's centroid.
         energy: energy at x.
+        surface: which decoded the positions.
     """
 
     x: FloatArray
     p: FloatArray
     energy: float
+    surface: Surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,23 +114,25 @@ class _Cache:
         x: (K+6,) unknowns of the last solution.
         state: these unknowns with the positions of the present handles; None after the handle
             vertices have changed.
-        decoded: the state whose deformation gradients the surface has.
+        decoded: for each surface, the state whose deformation gradients it has.
         correction: correction of the landmarks' derivative.
         solved_for: targets and weights of the last solve.
         search: the search of a cold solve, as far as it has come since the handles are at rest;
             None while they move.
         searched: true once that search has ended.
         settled: true once refinement has ended, too.
+        still: relative gain up to which the state is a minimum.
     """
 
     x: FloatArray | None = None
     state: State | None = None
-    decoded: State | None = None
+    decoded: dict[Surface, State] = field(default_factory=dict)
     correction: _Correction | None = None
     solved_for: tuple[FloatArray, FloatArray] | None = None
     search: _Search | None = None
     searched: bool = False
     settled: bool = False
+    still: float = _STILL
 
     def invalidate(self, *, vertices: bool = False) -> None:
         """Drop the results that a changed energy invalidates; the unknowns x stay.
@@ -132,6 +148,7 @@ class _Cache:
     def forget_search(self) -> None:
         """Drop what was searched at rest, because the handles have moved."""
         self.search, self.searched, self.settled = None, False, False
+        self.still = _STILL
 
 
 class CodeSearch:
@@ -168,14 +185,29 @@ class CodeSearch:
         """Unknowns (K+6,) of the last solution; None before the first."""
         return self._cache.x
 
-    def set_targets(self, targets: FloatArray, weights: FloatArray, misfit: float) -> None:
-        """Set targets (H, 3) and weights (H,) of the basis's handles, and the model's misfit."""
+    def set_targets(
+        self,
+        targets: FloatArray,
+        weights: FloatArray,
+        misfit: float,
+        floor: FloorTerm | None = None,
+    ) -> None:
+        """Set targets (H, 3) and weights (H,) of the basis's handles, and the model's misfit.
+
+        With a floor, its contacts are among the handles.
+        """
         errors = self._basis.model_errors(misfit) if misfit and len(weights) else None
-        self.energy = replace(self.energy, targets=targets, weights=weights, errors=errors)
+        self.energy = replace(
+            self.energy, targets=targets, weights=weights, errors=errors, floor=floor
+        )
 
     def vertices_changed(self) -> None:
         """Drop what depends on the handle vertices; to be called after the basis's have changed."""
         self._cache.invalidate(vertices=True)
+
+    def energy_changed(self) -> None:
+        """Drop what depends on the energy; to be called after its floor has changed."""
+        self._cache.invalidate()
 
     def set_prior(self, energy: HandleEnergy, mean: FloatArray | None) -> None:
         """Change the energy's parameters; the last solution keeps its code and rigid motion.
@@ -196,35 +228,40 @@ class CodeSearch:
         cache.x = self.energy.unknowns(before.code(cache.x), last.rotation, last.translation)
         if cache.state is not None:
             p = cache.state.p
-            state = State(cache.x, p, self.energy.value(cache.x, p))
+            surface = cache.state.surface
+            state = State(cache.x, p, self.energy.value(cache.x, p), surface)
             # The code has not changed, so the surface's gradients are still those of the state.
-            cache.decoded = state if cache.decoded is cache.state else None
+            same = cache.decoded.get(surface) is cache.state
+            cache.decoded = {surface: state} if same else {}
             cache.state = state
 
-    def evaluate(self, x: FloatArray, energy: HandleEnergy | None = None) -> State:
-        """State of unknowns x (K+6,): decodes all vertices for the exact energy.
+    def evaluate(
+        self, x: FloatArray, energy: HandleEnergy | None = None, surface: Surface | None = None
+    ) -> State:
+        """State of unknowns x (K+6,): decodes a surface for the energy.
 
         Args:
             x: unknowns.
             energy: None is the present one.
+            surface: of the basis; None is that of all vertices.
         """
-        energy = energy or self.energy
-        p = self._basis.surface.decode(energy.code(x))
-        state = State(x, p, energy.value(x, p))
-        self._cache.decoded = state
+        energy, surface = energy or self.energy, surface or self._basis.surface
+        p = surface.decode(energy.code(x))
+        state = State(x, p, energy.value(x, p), surface)
+        self._cache.decoded[surface] = state
         return state
 
     def decode(self, state: State) -> None:
-        """Give the surface the deformation gradients of a state."""
-        if self._cache.decoded is not state:
-            self._basis.surface.decode(self.energy.code(state.x))
-            self._cache.decoded = state
+        """Give a state's surface its deformation gradients."""
+        if self._cache.decoded.get(state.surface) is not state:
+            state.surface.decode(self.energy.code(state.x))
+            self._cache.decoded[state.surface] = state
 
     def restart(self, x: FloatArray) -> State:
-        """Make x (K+6,) the last solution, independent of what was solved before."""
+        """Make x (K+6,) the solution for the present handles, whatever was solved before."""
         self._cache.invalidate()
-        self._cache.x, self._cache.state = x, self.evaluate(x)
-        return self._cache.state
+        self._cache.still = _STILL_RESTORED
+        return self._keep(self.evaluate(x))
 
     def _keep(self, state: State) -> State:
         """Make a state the solution for the present targets and weights."""
@@ -254,8 +291,12 @@ class CodeSearch:
         self.energy, self._cache.correction = found.energy, found.correction
         return self._keep(found.state)
 
-    def _search(self) -> _Search:
+    def _search(self, known: State | None = None) -> _Search:
         """The search of a cold solve, in parts: of a descent by landmarks, or of a refinement.
+
+        Args:
+            known: a refined state of this energy. It stands for all starts whose descents by
+                landmarks end where the one from this state does: they are not refined.
 
         A noise that is chosen is followed by landmarks in the minimum that the least one leads to;
         with another one all starts are tried again, and it is followed in what they lead to.
@@ -265,7 +306,7 @@ class CodeSearch:
         positions = self._basis.landmark_positions()
         coarse = yield from self._coarse(energy, positions)
         if least is None:
-            return (yield from self._finished(energy, coarse))
+            return (yield from self._finished(energy, coarse, known))
         x = coarse[0][0]
         for _ in range(_NOISE_CHANGES):
             p = positions.at(energy.code(x)).positions
@@ -288,11 +329,21 @@ class CodeSearch:
             found = yield from self._converge(energy, state)
         return found
 
-    def _finished(self, energy: HandleEnergy, coarse: list[_Coarse]) -> _Search:
-        """Refine the lowest results of descents by landmarks, and take the lowest."""
-        finished = []
-        for x, _, _ in coarse[:_FINISHED]:
-            finished.append((yield from self._converge(energy, self.evaluate(x, energy))))
+    def _finished(
+        self, energy: HandleEnergy, coarse: list[_Coarse], known: State | None = None
+    ) -> _Search:
+        """Refine the lowest minima of descents by landmarks, and take the lowest."""
+        minima, finished = _different(coarse)[:_FINISHED], []
+        if known is not None:
+            positions = self._basis.landmark_positions()
+            own = energy.descend(positions, known.x, _START_STEPS)
+            yield own[2]
+            minima = [entry for entry in minima if not _same(entry, own)]
+            finished.append(_Found(energy, known, self._cache.correction))
+        for x, _, _ in minima:
+            lowest = min((found.state.energy for found in finished), default=np.inf)
+            state = self.evaluate(x, energy)
+            finished.append((yield from self._converge(energy, state, lowest)))
         return min(finished, key=lambda found: found.state.energy)
 
     def _coarse(
@@ -305,14 +356,22 @@ class CodeSearch:
             yield found[-1][2]
         return sorted(found, key=lambda entry: entry[1])
 
-    def _converge(self, energy: HandleEnergy, state: State) -> _Search:
-        """Refine a state until its energy no longer falls."""
+    def _converge(self, energy: HandleEnergy, state: State, lowest: float = np.inf) -> _Search:
+        """Refine a state until its energy no longer falls.
+
+        Args:
+            energy: the energy to lower.
+            state: to start from.
+            lowest: energy of another minimum; the refinement ends, too, where the last gain is
+                less than what is missing to it.
+        """
         correction = None
         for _ in range(_REFINEMENTS):
             before = state
             state, correction, steps = self._refined(energy, before, correction)
             yield steps
-            if state.energy > before.energy * (1.0 - _FINAL_GAIN):
+            gain = before.energy - state.energy
+            if gain <= _FINAL_GAIN * before.energy or gain < state.energy - lowest:
                 break
         return _Found(energy, state, correction)
 
@@ -335,12 +394,20 @@ class CodeSearch:
         state = cache.state = cache.state or self.evaluate(cache.x)
         return state if self.at_rest else replace(state, energy=self.energy.value(state.x, state.p))
 
-    def warm(self, explore: bool = True) -> tuple[State, int]:
-        """One frame: descend by landmarks from the last solution, then evaluate all vertices.
+    def exact(self) -> State:
+        """The state of the last solution by all vertices; see `current`."""
+        state = self.current()
+        if state.surface is not self._basis.surface:
+            state = self._cache.state = self.evaluate(state.x)
+        return state
 
-        If targets and weights are those of the last solve, refine towards the exact minimum. Once
-        that is reached, do a cold solve, a part a call: a drag over a long way may have come to a
-        minimum that is not the lowest.
+    def warm(self, explore: bool = True) -> tuple[State, int]:
+        """One frame: descend by landmarks from the last solution, then evaluate the moving surface.
+
+        If targets and weights are those of the last solve, evaluate all vertices, and refine
+        towards the exact minimum; a
+        state that is one remains, to the last digit. Once that is reached, do a cold solve, a part
+        a call: a drag over a long way may have come to a minimum that is not the lowest.
 
         Args:
             explore: false to stay in the minimum of the last solution.
@@ -356,22 +423,29 @@ class CodeSearch:
         if self.at_rest:
             return state, 0
         if self._targets_unchanged():
+            state = self.exact()
             found, cache.correction, steps = self._refined(self.energy, state, cache.correction)
             gain = state.energy - found.energy
-            cache.settled = cache.searched and gain <= _STILL * state.energy + _RESTING_GAIN
+            if gain <= cache.still * state.energy + _RESTING_GAIN:
+                found, cache.settled = state, cache.searched
+            else:
+                cache.still, cache.settled = _STILL, False
             least_gain = _RESTING * state.energy + _RESTING_GAIN
             if explore and not cache.searched and gain <= least_gain:
                 found, more = self._explore(found)
                 steps += more
             return self._keep(found), steps
         cache.forget_search()
+        moving = self._basis.moving
+        if state.surface is not moving:
+            state = self.evaluate(state.x, surface=moving)
         frame = cache.correction, _FRAME_STEPS, _FRAME_GAIN
         x, estimate, steps = self._descend_by_landmarks(self.energy, state, *frame)
-        found = self.evaluate(x)
+        found = self.evaluate(x, surface=moving)
         if found.energy > estimate + _ESTIMATE_TOLERANCE * (abs(estimate) + 1.0):
             better = found if found.energy < state.energy else state
             x, _, more = self._descend_by_landmarks(self.energy, better, *frame)
-            again, steps = self.evaluate(x), steps + more
+            again, steps = self.evaluate(x, surface=moving), steps + more
             found = min((again, found), key=lambda entry: entry.energy)
         return self._keep(min((state, found), key=lambda entry: entry.energy)), steps
 
@@ -382,7 +456,7 @@ class CodeSearch:
         """
         cache = self._cache
         if cache.search is None:
-            cache.search = self._search()
+            cache.search = self._search(state)
         try:
             return state, next(cache.search)
         except StopIteration as ended:
@@ -465,6 +539,22 @@ class CodeSearch:
             scored.append(min(moved, key=lambda entry: entry[0]))
         others = sorted(scored[1:], key=lambda entry: entry[0])[:_STARTS]
         return [scored[0][1], *(x for _, x in others)]
+
+
+def _different(coarse: list[_Coarse]) -> list[_Coarse]:
+    """One result, the lowest, of each minimum that descents have found."""
+    found: list[_Coarse] = []
+    for entry in coarse:
+        if not any(_same(entry, other) for other in found):
+            found.append(entry)
+    return found
+
+
+def _same(one: _Coarse, other: _Coarse) -> bool:
+    """True if two descents have found the same minimum."""
+    (x, a, _), (y, b, _) = one, other
+    near = float(np.linalg.norm(x - y)) <= _SAME_MINIMUM
+    return near and abs(a - b) <= _SAME_ENERGY * min(a, b) + _RESTING_GAIN
 
 
 def _alike(wanted: float, noise: float) -> bool:

@@ -7,8 +7,11 @@ in which no handle is seen follows its neighbours: the prior has hardly any weig
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,35 +19,41 @@ from numpy.typing import ArrayLike
 from deformer.checks import (
     LARGEST,
     check_memory,
+    checked_array,
     checked_choice,
+    checked_instance,
     checked_integer,
     checked_number,
+    checked_path,
 )
-from deformer.editing.batch_numba import Frames, NumbaFrames
+from deformer.editing import sequence_windows as windows
+from deformer.editing.bodies import Body, checked_freedom
 from deformer.editing.energy import HandleEnergy
-from deformer.editing.green_functions import HandleBasis
+from deformer.editing.finished_windows import FinishedWindows, check_windows
+from deformer.editing.fit_memory import sequence_memory
+from deformer.editing.floor import Floor
 from deformer.editing.handles import LEAST_SEQUENCE_NOISE, Kind, Point, Pose
-from deformer.editing.misfit_track import MisfitTrack
-from deformer.editing.sequence_energy import SequenceEnergy
+from deformer.editing.sequence_windows import FittedFrames, Progress, WindowFits, fits_above
 from deformer.editing.solver import HandleSolver
-from deformer.editing.tracks import Tracks, checked_tracks
+from deformer.editing.target_warnings import TargetWarnings
+from deformer.editing.track_source import TrackSource, checked_tracks
+from deformer.editing.units import FRAMES as UNIT_FRAMES
 from deformer.editing.unknowns import Unknowns
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, SurfacePoints, log_to_rotation
-from deformer.linalg import check_device, one_blas_thread, resolve_device
+from deformer.geometry import FloatArray, Seams, SurfacePoints
+from deformer.linalg import check_device
 from deformer.model import DeformationModel
+from deformer.workspace import LEAST_MEMORY, StoredArray, Workspace
 
-# Number of frames in a window, and of frames after it that are solved for with it, and again with
-# the next window.
-_WINDOW = 512
-_AHEAD = 32
 # Frames whose automatic noise decides that of a sequence.
 _NOISE_FRAMES = 3
+# Bytes: all that a fit in memory takes was checked before.
+_UNLIMITED = 1e15
 
 
 @dataclass(frozen=True, eq=False)
 class SequenceFit:
-    """A fitted sequence of F frames. Lengths are in the data's units, arrays float64.
+    """F fitted frames of a sequence. Lengths are in the data's units, arrays float64.
 
     Args:
         vertices: (F, V, 3) positions.
@@ -55,8 +64,8 @@ class SequenceFit:
         residual: (F, H) distances from handle to target; NaN where a handle has no weight.
         orientation_residual: (F, H) angles from the surface's rotation around each handle to its
             orientation, in radians; NaN where it has none, or no weight.
-        prior_distance: (F,) Mahalanobis distances of the codes from the training codes' mean.
-        iterations: Gauss–Newton steps of whole windows taken.
+        prior_distance: (F,) Mahalanobis distances of the codes from the prior's means.
+        iterations: Gauss–Newton steps of whole windows taken; those of parts of a sequence add up.
     """
 
     vertices: FloatArray
@@ -79,9 +88,13 @@ def fit_sequence(
     kinds: Kind | Sequence[Kind] | None = None,
     orientations: ArrayLike | Sequence[Sequence[ArrayLike | None]] | None = None,
     orientation_weights: ArrayLike | None = None,
+    gaps: ArrayLike | None = None,
+    floor: Floor | None = None,
     smoothness: float = 10.0,
     rigid: bool = True,
     noise: float | None = None,
+    mean: ArrayLike | None = None,
+    freedom: float | Body = 1.0,
     misfit: float | None = None,
     relaxation: int = 2,
     device: str = "cpu",
@@ -106,11 +119,18 @@ def fit_sequence(
         orientations: (F, H, 4) unit quaternions (w, x, y, z) or (F, H, 3, 3) matrices, as in
             `HandleSolver.set_handles`; None, or None or NaN in a frame for a handle, for none.
         orientation_weights: (H,) as in `HandleSolver.set_handles`.
+        gaps: (H, 3) or (F, H, 3) vectors from where the codes' shapes are to be to the targets, as
+            in `Handle`; None is zeros.
+        floor: a plane that no vertex passes in any frame, as in `HandleSolver.set_floor`; None is
+            none.
         smoothness: weight of squared accelerations, 0 or more; 0 fits every frame on its own. For
             motion that is slow for its frame rate, 100 and more are suitable.
         rigid: as in `HandleSolver`.
         noise: as in `HandleSolver`. None is the median of what it chooses for a few frames, but at
-            least 0.007: with less the descent over all frames stalls (docs/prior.md).
+            least 0.007: with less the descent over all frames stalls (docs/evidence/prior.md).
+        mean: (K,) or (F, K) latent codes that are the prior's means in place of the model's; a
+            frame without handles is then near its own. None is the model's, in all frames.
+        freedom: as in `HandleSolver`, but never None; with 1, or "moves", a motion goes anywhere.
         misfit: as in `HandleSolver`. What codes miss at the handles changes smoothly in time
             (`MisfitTrack`), where they are seen and where they are not.
         relaxation: rounds of rigid relaxation in each frame with hard handles, or of a model with a
@@ -118,137 +138,289 @@ def fit_sequence(
         device: "cpu", "cuda", "mps" or "auto" (cuda or mps if there is one, else cpu).
         backend: "numba", which uses all cores of the CPU, or "torch", which computes many frames
             at once on any device; None is numba on the CPU and torch on every other device.
-        on_progress: called with the number of frames done and the number of all frames.
+        on_progress: called with the number of frames done and the number of all frames, and with
+            the same numbers after every step in between; an exception that it raises ends the fit.
+            Frames that pass the floor are fitted again, and counted from 0.
 
     Raises:
         InputError: shapes of arrays that disagree, an index out of range, a vertex given twice, a
-            target that is not finite, a negative weight or smoothness, an orientation that is no
-            rotation or at a point that cannot have one, a device that is unknown or missing, or a
-            backend that cannot use it.
+            target that is not finite, a negative weight or smoothness, a mean of another length, a
+            freedom that is not positive, an orientation that is no rotation or at a point that
+            cannot have one, a gap that is not finite, no floor, a device that is unknown or
+            missing, or a backend that cannot use it.
+    """
+    parts = fit_sequence_parts(
+        model,
+        vertices,
+        targets,
+        weights=weights,
+        hard=hard,
+        kinds=kinds,
+        orientations=orientations,
+        orientation_weights=orientation_weights,
+        gaps=gaps,
+        floor=floor,
+        smoothness=smoothness,
+        rigid=rigid,
+        noise=noise,
+        mean=mean,
+        freedom=freedom,
+        misfit=misfit,
+        relaxation=relaxation,
+        device=device,
+        backend=backend,
+        workspace=Workspace(_UNLIMITED),
+        on_progress=on_progress,
+    )
+    F, V = len(np.asarray(targets)), len(model.reference.vertices)
+    check_memory(24 * F * V, f"targets: {F} frames of {V} vertices")
+    shapes, found, done = np.empty((F, V, 3)), [], 0
+    for part in parts:
+        shapes[done : done + len(part.vertices)] = part.vertices
+        done += len(part.vertices)
+        found.append(replace(part, vertices=shapes[:0]))
+    joined = {field.name: [getattr(part, field.name) for part in found] for field in _ARRAYS}
+    arrays = {name: np.concatenate(values) for name, values in joined.items()}
+    iterations = sum(part.iterations for part in found)
+    return SequenceFit(**{**arrays, "vertices": shapes}, iterations=iterations)
+
+
+# Fields of a `SequenceFit` that have a row a frame.
+_ARRAYS = [field for field in fields(SequenceFit) if field.name != "iterations"]
+
+
+def fit_sequence_parts(
+    model: DeformationModel,
+    vertices: ArrayLike | Sequence[Point],
+    targets: ArrayLike | StoredArray,
+    *,
+    weights: ArrayLike | StoredArray | None = None,
+    hard: ArrayLike | StoredArray = False,
+    kinds: Kind | Sequence[Kind] | None = None,
+    orientations: ArrayLike | Sequence[Sequence[ArrayLike | None]] | StoredArray | None = None,
+    orientation_weights: ArrayLike | None = None,
+    gaps: ArrayLike | StoredArray | None = None,
+    floor: Floor | None = None,
+    smoothness: float = 10.0,
+    rigid: bool = True,
+    noise: float | None = None,
+    mean: ArrayLike | None = None,
+    freedom: float | Body = 1.0,
+    misfit: float | None = None,
+    relaxation: int = 2,
+    device: str = "cpu",
+    backend: str | None = None,
+    checkpoint: str | Path | None = None,
+    workspace: Workspace | None = None,
+    on_progress: Callable[[int, int], None] | None = None,
+) -> Iterator[SequenceFit]:
+    """Fit a model to frames of handle targets, and give some frames at a time.
+
+    The frames are those of `fit_sequence`, to the last bit. The memory that the fit takes does not
+    depend on the number of frames, except with a floor, which all frames are fitted for before the
+    first is given: their shapes are then in the workspace.
+
+    Args:
+        model, vertices, orientation_weights, kinds, floor, smoothness, rigid, noise, mean, freedom,
+            misfit, relaxation, device, backend, on_progress: as in `fit_sequence`.
+        targets, weights, hard, orientations, gaps: as in `fit_sequence`, or arrays in files
+            (`StoredArray`) that have all F frames; orientations in a file are matrices.
+        checkpoint: folder in which windows that are fitted are kept, or None. A later fit of the
+            same arguments goes on from them, with the same result, however the process ended;
+            `remove_windows` removes them.
+        workspace: keeps memory for what `sequence_memory` tells, and has shapes that are needed
+            again; None has half of the free memory.
+
+    Returns:
+        Some frames at a time, in their order.
+
+    Raises:
+        InputError: as `fit_sequence` raises; less memory than `sequence_memory` tells; or a
+            checkpoint that holds other files or is damaged.
     """
     tracks = checked_tracks(
-        model, vertices, targets, weights, hard, kinds, orientations, orientation_weights
+        model, vertices, targets, weights, hard, kinds, orientations, orientation_weights, gaps
     )
     checked_number(smoothness, "smoothness", least=0, most=LARGEST)
     checked_integer(relaxation, "relaxation", least=0)
     if backend is not None:
         checked_choice(backend, "backend", ("numba", "torch"))
     check_device(device)  # before the solver, which may compile kernels
-    # In a motion the body may go anywhere: the rigid motion has the diffuse prior alone.
-    seams, model = model.seams, model.closed
-    solver = HandleSolver(model, rigid=rigid, noise=noise, freedom=1.0, misfit=misfit)
-    seen = tracks.weights > 0
-    solver.warn_of_units(tracks.points, np.where(seen[..., None], tracks.targets, np.nan))
-    first = _first_guess(solver, tracks)
+    if checked_freedom(freedom) is None:
+        raise InputError("freedom: expected a number or the name of a body, got None; leave it out")
+    if floor is not None:
+        checked_instance(floor, "floor", Floor, remedy="make a Floor, or give None")
+    if workspace is not None:
+        checked_instance(workspace, "workspace", Workspace, remedy="make a Workspace")
+    work = workspace or Workspace()
+    V, K, H = len(model.reference.vertices), model.components, len(tracks.points)
+    needed = sequence_memory(V, K, H).least - LEAST_MEMORY
+    work.reserve(needed, f"fit: {H} handles, {K} components, {V} vertices")
+    means = _checked_means(mean, len(tracks), model.components)
+    folder = None if checkpoint is None else checked_path(checkpoint, "checkpoint")
+    if folder is not None:
+        check_windows(folder)
+    seams, fingerprint, model = model.seams, model.fingerprint, model.closed
+    solver = HandleSolver(model, rigid=rigid, noise=noise, freedom=freedom, misfit=misfit)
+    _warn_of_units(model, tracks)
+    lifted = tracks.above(floor)
+    at, first = _first_guess(solver, lifted, means)
     if noise is None:
-        solver.set_prior(noise=_noise(solver, tracks))
-    basis = solver.basis
-    rows = tracks.rows(basis.frames)
-    basis.set_points(rows.points)
-    batch = _backend(basis, device, backend)
-    misfit = model.misfit_of(len(tracks.points)) if misfit is None else misfit
-    errors = basis.model_errors(misfit) if misfit and rows.points else None
-    energy = replace(solver.energy, errors=errors)
-    missed = None
-    if errors is not None:
-        missed = MisfitTrack(errors, energy.noise, rows.weights, smoothness)
-    sequence = SequenceEnergy(energy, batch, rows.targets, rows.weights, smoothness)
-    F, V = len(seen), len(model.reference.vertices)
-    check_memory(24 * F * V, f"targets: {F} frames of {V} vertices")
-    X = np.zeros((F, energy.size))
-    out = np.empty((F, V, 3))
-    steps = 0
-    with one_blas_thread():
-        for start in range(0, F, _WINDOW):
-            stop, ahead = min(start + _WINDOW, F), min(start + _WINDOW + _AHEAD, F)
-            guess = X[start - 1] if start else first
-            before = X[max(0, start - 2) : start]
-            window, more = sequence.solve(slice(start, ahead), guess, before)
-            X[start:stop] = window[: stop - start]
-            steps += more
-            part = slice(start, stop)
-            Q, centroids = log_to_rotation(Unknowns(X[part]).rotation), energy.centroids(X[part])
-            z = energy.codes(X[part])
-            wanted, reached = rows.targets[part], rows.exact[part]
-            if missed is not None:
-                # As in `HandleSolver`: the shape deforms by what is left of soft handles, too.
-                at = _handle_positions(batch, energy, window)
-                expected = missed.expected(part, rows.targets[start:ahead] - at)
-                expected += at[: stop - start]
-                wanted = np.where(reached[..., None], wanted, expected)
-                reached = rows.used[part]
-            batch.shapes(z, Q, centroids, wanted, reached, relaxation, out[part])
-            if on_progress is not None:
-                on_progress(stop, F)
-    places = SurfacePoints(tracks.points, model.reference.faces).at(out)
-    residual = np.linalg.norm(places - tracks.targets, axis=2)
-    found = Unknowns(X)
-    return SequenceFit(
-        vertices=seams.open(out),
-        z=energy.codes(X),
-        rotation=found.rotation.copy(),
-        translation=energy.diagonal * found.translation,
-        residual=np.where(seen, residual, np.nan),
-        orientation_residual=np.where(seen, tracks.turned(basis.frames, out), np.nan),
-        prior_distance=np.linalg.norm(found.code, axis=1),
-        iterations=steps,
+        solver.set_prior(noise=_noise(solver, lifted, means))
+    energy = replace(solver.energy, errors=None)
+    centres = None if means is None else _whitened(means, energy)
+    if centres is not None:
+        Unknowns(first).code += centres(slice(at, at + 1))[0]
+    used = model.misfit_of(len(tracks.points)) if misfit is None else misfit
+    identity: dict[str, Any] = {}
+    if folder is not None:
+        identity = {
+            "model": fingerprint,
+            "handles": lifted.digest(),
+            "means": "" if means is None else sha256(np.ascontiguousarray(means).data).hexdigest(),
+            "floor": None if floor is None else [floor.height, *floor.normal],
+            "options": [smoothness, rigid, energy.noise, freedom, used, device, backend or ""],
+            "windows": windows.sizes(),
+        }
+    fits = WindowFits(
+        solver.basis,
+        energy,
+        first,
+        lifted,
+        centres,
+        smoothness,
+        used,
+        relaxation,
+        device,
+        backend,
+        Progress(len(tracks), on_progress),
+        FinishedWindows(folder, identity),
     )
+    return _Parts(tracks, fits, floor, seams).fitted(work)
 
 
-def _handle_positions(batch: Frames, energy: HandleEnergy, X: FloatArray) -> FloatArray:
-    """Positions (m, H, 3) of handles by unknowns X (m, K+6) alone."""
-    Q = log_to_rotation(Unknowns(X).rotation)
-    return batch.by_all(energy.codes(X)) @ Q.transpose(0, 2, 1) + energy.centroids(X)[:, None]
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """A sequence that is to be fitted.
 
-
-def _first_guess(solver: HandleSolver, tracks: Tracks) -> FloatArray:
-    """Unknowns (K+6,) to start the first frame from, by a solve from several starts.
-
-    They are those of the first frame that sees at least half as many handles as any frame of the
-    first window.
+    Args:
+        tracks: the handles as they were given.
+        fits: of the windows.
+        floor: as in `fit_sequence`.
+        seams: of the model that was given.
     """
-    counts = (tracks.weights[:_WINDOW] > 0).sum(axis=1)
-    pose = _solve_frame(solver, tracks, int((2 * counts >= counts.max()).argmax()))
+
+    tracks: TrackSource
+    fits: WindowFits
+    floor: Floor | None
+    seams: Seams
+
+    def fitted(self, workspace: Workspace) -> Iterator[SequenceFit]:
+        """Fit the frames; some are given at a time."""
+        faces = self.fits.basis.model.reference.faces
+        places = SurfacePoints(self.tracks.points, faces)
+        for part in fits_above(self.floor, self.fits, workspace):
+            yield self._described(part, places)
+
+    def _described(self, part: FittedFrames, places: SurfacePoints) -> SequenceFit:
+        energy, found = self.fits.energy, Unknowns(part.X)
+        tracks, shapes = self.tracks.part(part.frames), part.shapes
+        seen = tracks.weights > 0
+        residual = np.linalg.norm(places.at(shapes) - tracks.targets, axis=2)
+        turned = tracks.turned(self.fits.basis.frames, shapes)
+        apart = found.code
+        if self.fits.centres is not None:
+            apart = apart - self.fits.centres(part.frames)
+        return SequenceFit(
+            vertices=self.seams.open(shapes),
+            z=energy.codes(part.X),
+            rotation=found.rotation.copy(),
+            translation=energy.diagonal * found.translation,
+            residual=np.where(seen, residual, np.nan),
+            orientation_residual=np.where(seen, turned, np.nan),
+            prior_distance=np.linalg.norm(apart, axis=1),
+            iterations=part.steps,
+        )
+
+
+def _warn_of_units(model: DeformationModel, tracks: TrackSource) -> None:
+    """Log the `unit_warning` of the targets, by as many frames as it looks at."""
+    seen = np.flatnonzero(tracks.seen)
+    if len(seen):
+        spaced = np.unique(np.linspace(0, len(seen) - 1, UNIT_FRAMES).astype(int))
+        targets, visible = tracks.frames(seen[spaced].tolist())
+        shown = np.where(visible[..., None], targets, np.nan)
+        TargetWarnings(model).of_units(tracks.points, shown)
+
+
+def _checked_means(mean: ArrayLike | None, frames: int, components: int) -> FloatArray | None:
+    """Means (F, K) of the prior, of one (K,) or F of them; None where none are given.
+
+    Raises:
+        InputError: another shape, or numbers that are not finite.
+    """
+    if mean is None:
+        return None
+    codes = checked_array(mean, "mean", largest=LARGEST)
+    if codes.shape not in ((components,), (frames, components)):
+        raise InputError(
+            f"mean: expected ({components},) or ({frames}, {components}), got {codes.shape}; give "
+            "one latent code, or one a frame"
+        )
+    return np.broadcast_to(codes, (frames, components))
+
+
+def _whitened(means: FloatArray, energy: HandleEnergy) -> Callable[[slice], FloatArray]:
+    """What gives whitened codes (m, K) of the means (F, K) of the frames of a slice."""
+
+    def of(frames: slice) -> FloatArray:
+        apart = (means[frames] - energy.prior.mean).T
+        return np.asarray(np.linalg.solve(energy.factor, apart).T, dtype=np.float64)
+
+    return of
+
+
+def _first_guess(
+    solver: HandleSolver, tracks: TrackSource, means: FloatArray | None
+) -> tuple[int, FloatArray]:
+    """A frame, and its unknowns (K+6,) about its own mean, by a solve from several starts.
+
+    It is the first frame that sees at least half as many handles as any frame of the first window.
+    """
+    counts = tracks.seen[: windows.WINDOW]
+    frame = int((2 * counts >= counts.max()).argmax())
+    pose = _solve_frame(solver, tracks, frame, means)
     energy = solver.energy
-    return energy.unknowns(pose.z, pose.rotation, pose.translation / energy.diagonal)
+    return frame, energy.unknowns(pose.z, pose.rotation, pose.translation / energy.diagonal)
 
 
-def _noise(solver: HandleSolver, tracks: Tracks) -> float:
+def _noise(solver: HandleSolver, tracks: TrackSource, means: FloatArray | None) -> float:
     """Noise of a sequence: the median of a few frames' automatic noises, or the least one."""
-    seen = np.flatnonzero((tracks.weights > 0).any(axis=1))
+    seen = np.flatnonzero(tracks.seen)
     if not len(seen):
         return LEAST_SEQUENCE_NOISE
     noises = []
     for frame in np.unique(seen[np.linspace(0, len(seen) - 1, _NOISE_FRAMES).astype(int)]):
-        _solve_frame(solver, tracks, int(frame))
+        _solve_frame(solver, tracks, int(frame), means)
         noises.append(solver.energy.noise)
     return max(LEAST_SEQUENCE_NOISE, float(np.median(noises)))
 
 
-def _solve_frame(solver: HandleSolver, tracks: Tracks, frame: int) -> Pose:
-    """Pose of the handles of one frame that are seen."""
-    seen = np.flatnonzero(tracks.weights[frame] > 0)
+def _solve_frame(
+    solver: HandleSolver, source: TrackSource, frame: int, means: FloatArray | None
+) -> Pose:
+    """Pose of the handles of one frame that are seen, with the frame's mean."""
+    if means is not None:
+        solver.set_prior(mean=means[frame])
+    tracks = source.part(slice(frame, frame + 1))
+    seen = np.flatnonzero(tracks.weights[0] > 0)
     solver.set_handles(
         [tracks.points[h] for h in seen],
-        tracks.targets[frame, seen],
-        tracks.weights[frame, seen],
-        orientations=tracks.orientations[frame, seen],
+        tracks.targets[0, seen],
+        tracks.weights[0, seen],
+        orientations=tracks.orientations[0, seen],
         orientation_weights=tracks.orientation_weights[seen],
+        gaps=tracks.gaps[0, seen],
+        check_units=False,  # of all frames together it is known
     )
     return solver.solve()
-
-
-def _backend(basis: HandleBasis, device: str, backend: str | None) -> Frames:
-    """`Frames` of a backend on a device; see `fit_sequence`."""
-    if device == "auto" and (backend == "numba" or not basis.model.decoder.pointwise):
-        device = "cpu"  # torch knows networks of one layer only
-    if device != "cpu":
-        device = str(resolve_device(device))
-    if backend == "torch" or (backend is None and device != "cpu"):
-        # torch takes seconds to import.
-        from deformer.editing.batch_torch import TorchFrames
-
-        return TorchFrames(basis, device)
-    if device != "cpu":
-        raise InputError(f"backend 'numba' computes on the CPU, got device {device!r}; use 'torch'")
-    return NumbaFrames(basis)

@@ -8,6 +8,7 @@ factorisation.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,8 +16,9 @@ import numpy as np
 from deformer.checks import check_memory
 from deformer.editing.acceleration import Roughness
 from deformer.editing.batch_numba import Boolean, Frames
+from deformer.editing.bodies import yielding_stiffness
 from deformer.editing.energy import HandleEnergy
-from deformer.editing.unknowns import Unknowns
+from deformer.editing.unknowns import MOTION, Unknowns
 from deformer.geometry import FloatArray, IntArray, log_to_rotation, right_jacobian
 from deformer.linalg import Damping, descend, over_parts
 
@@ -67,6 +69,9 @@ class SequenceEnergy:
         targets: (F, H, 3) positions.
         weights: (F, H) factors, 0 or more; 0 is a handle that is not seen.
         smoothness: weight of squared accelerations.
+        means: (F, K) whitened codes that are the prior's means of the frames; None is zero for
+            all. With means, a frame that sees no handle has the prior in full.
+        on_step: called before each step of a descent; what it raises ends the descent.
     """
 
     def __init__(
@@ -76,9 +81,12 @@ class SequenceEnergy:
         targets: FloatArray,
         weights: FloatArray,
         smoothness: float,
+        means: FloatArray | None = None,
+        on_step: Callable[[], None] = lambda: None,
     ) -> None:
         """Store the handles, and the weights of the prior in each frame."""
         self.function, self.backend = energy, backend
+        self._on_step = on_step
         self._targets, self._weights = targets, weights
         patterns, self._pattern = np.unique(weights, axis=0, return_inverse=True)
         if energy.errors is not None:
@@ -89,17 +97,38 @@ class SequenceEnergy:
         self.active = energy.active
         self._seen: Boolean = np.asarray((weights > 0).any(axis=1))
         # Without smoothness there are no neighbours.
-        share = _UNSEEN if smoothness > 0 else 1.0
+        share = _UNSEEN if smoothness > 0 and means is None else 1.0
         self._prior = np.where(self._seen, 1.0, share)[:, None]
-        self.stiffness = energy.stiffness(np.zeros(energy.size))[0][: self.active]
+        # Weights of squared unknowns. A body that yields has weights of its own in each frame
+        # (`_prior_terms`); its accelerations are those of one that may go anywhere.
+        self._yields = energy.freedom == "auto"
+        steady = replace(energy, freedom=1.0) if self._yields else energy
+        self.stiffness = steady.stiffness(np.zeros(energy.size))[0][: self.active]
+        # The prior's minimum in each frame, as unknowns.
+        self._centres = np.zeros((len(weights), energy.size))
+        if means is not None:
+            Unknowns(self._centres).code = means
 
-    def solve(self, frames: slice, guess: FloatArray, before: FloatArray) -> tuple[FloatArray, int]:
+    @property
+    def means(self) -> FloatArray:
+        """Whitened codes (F, K) that are the prior's means."""
+        return Unknowns(self._centres).code
+
+    def solve(
+        self,
+        frames: slice,
+        guess: FloatArray,
+        before: FloatArray,
+        known: FloatArray | None = None,
+    ) -> tuple[FloatArray, int]:
         """Solve for the m frames of a window together.
 
         Args:
             frames: range of the m frames in the sequence.
             guess: (K+6,) unknowns to start the first frame from.
             before: (b, K+6) unknowns of up to two fixed frames before them.
+            known: (m, K+6) unknowns near the minimum, from which all frames start; None solves key
+                frames first.
 
         Returns:
             Unknowns (m, K+6), and the number of steps of the whole window.
@@ -107,13 +136,17 @@ class SequenceEnergy:
         m = frames.stop - frames.start
         roughness = Roughness(len(before), m, self._smoothness)
         window = _Window(frames, before[:, : self.active], roughness)
-        X, offset = self._key_frames(frames, guess)
-        P = self.backend.by_landmarks(self.function.codes(X)) + offset
-        rough, steps = self._descend(_Point(self, window, X, P, offset, _ROUGH_GAIN))
-        X, missing = rough.X, self._measured_difference(rough.X, rough.P)
-        fine, more = self._descend(
-            _Point(self, window, X, rough.P + missing, offset + missing, _GAIN)
-        )
+        if known is not None:
+            X, steps = known, 0
+            offset: FloatArray = np.zeros((m, self._targets.shape[1], 3))
+            P = self.backend.by_landmarks(self.function.codes(X))
+        else:
+            X, offset = self._key_frames(frames, guess)
+            P = self.backend.by_landmarks(self.function.codes(X)) + offset
+            rough, steps = self._descend(_Point(self, window, X, P, offset, _ROUGH_GAIN))
+            X, P = rough.X, rough.P
+        missing = self._measured_difference(X, P)
+        fine, more = self._descend(_Point(self, window, X, P + missing, offset + missing, _GAIN))
         return fine.X, steps + more
 
     def _key_frames(self, frames: slice, guess: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -132,8 +165,12 @@ class SequenceEnergy:
             energy = replace(
                 self.function, targets=self._targets[frame], weights=self._weights[frame]
             )
-            positions.measure(energy.code(x))
-            x, _, _ = energy.descend(positions, x, _KEY_STEPS, _KEY_GAIN)
+            centre = self._centres[frame]
+            energy = replace(energy, prior=replace(energy.prior, mean=energy.code(centre)))
+            self._on_step()
+            positions.measure(energy.code(x - centre))
+            x, _, _ = energy.descend(positions, x - centre, _KEY_STEPS, _KEY_GAIN)
+            x = x + centre
             found.append(x)
             offsets.append(positions.offset)
         return _interpolated(keys, np.array(found), m), _interpolated(keys, np.array(offsets), m)
@@ -151,22 +188,40 @@ class SequenceEnergy:
             steps=_STEPS,
             relative_gain=0.0,
             damping=_DAMPING,
-            is_last=lambda point, step: point.gains_little(step),
+            is_last=self._is_last,
         )
         return found.point, found.steps
+
+    def _is_last(self, point: _Point, step: FloatArray) -> bool:
+        self._on_step()
+        return point.gains_little(step)
 
     def value(self, window: _Window, X: FloatArray, P: FloatArray) -> float:
         """The energy of a window with unknowns X (m, K+6) and handle positions P (m, H, 3)."""
         n, frames = self.active, window.frames
-        own = (self._misfit(frames, X, P) ** 2).sum()
-        own += (self._prior[frames] * X[:, :n] ** 2 @ self.stiffness).sum()
+        moved = self._moved(X, P)
+        own = (self._whitened(frames, moved - self._targets[frames]) ** 2).sum()
+        if self.function.floor is not None:
+            own += (self.function.floor.misfit(moved) ** 2).sum()
+        apart = X[:, :n] - self._centres[frames, :n]
+        stiffness, constants = self._prior_terms(X)
+        own += (self._prior[frames] * (stiffness * apart**2 + constants)).sum()
         own += (self._prior[frames] * self.function.excess_bending(X)[0] ** 2).sum()
         return float(own + window.roughness.energy(window.before, X[:, :n], self.stiffness))
 
-    def _misfit(self, frames: slice, X: FloatArray, P: FloatArray) -> FloatArray:
+    def _prior_terms(self, X: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Weights (m, n) of the squared unknowns X (m, K+6), and constants (m, n) beside them."""
+        weights = np.tile(self.stiffness, (len(X), 1))
+        constants = np.zeros_like(weights)
+        if self._yields and self.active == self.function.size:
+            for row, constant, motion in zip(weights, constants, Unknowns(X).motion, strict=True):
+                row[-MOTION:], constant[-1] = yielding_stiffness(motion)
+        return weights, constants
+
+    def _moved(self, X: FloatArray, P: FloatArray) -> FloatArray:
+        """Handle positions P (m, H, 3) after the rigid motions of unknowns X (m, K+6)."""
         Q = log_to_rotation(Unknowns(X).rotation)
-        moved = P @ Q.transpose(0, 2, 1) + self.function.centroids(X)[:, None]
-        return self._whitened(frames, moved - self._targets[frames])
+        return P @ Q.transpose(0, 2, 1) + self.function.centroids(X)[:, None]
 
     def _whitened(self, frames: slice, errors: FloatArray) -> FloatArray:
         """Errors of frames (m, H, 3), or their derivatives (m, H, 3, n), in deviations."""
@@ -220,15 +275,23 @@ class SequenceEnergy:
         derivative.translation = energy.diagonal * np.eye(3)
         J = self._whitened(frames, derivative.x)
         J = J.reshape(len(X), -1, energy.size)[:, :, :n]
-        misfit = self._misfit(frames, X, P).reshape(len(X), -1, 1)
-        stiffness = self._prior[frames] * self.stiffness
-        gradient = (J.transpose(0, 2, 1) @ misfit)[..., 0] + stiffness * X[:, :n]
+        moved = self._moved(X, P)
+        misfit = self._whitened(frames, moved - self._targets[frames]).reshape(len(X), -1, 1)
+        stiffness = self._prior[frames] * self._prior_terms(X)[0]
+        gradient = (J.transpose(0, 2, 1) @ misfit)[..., 0]
+        gradient += stiffness * (X[:, :n] - self._centres[frames, :n])
         A = J.transpose(0, 2, 1) @ J
         np.einsum("mii->mi", A)[:] += stiffness
         excess, slope = energy.excess_bending(X)
         weighed = (self._prior[frames, :, None] * slope).transpose(0, 2, 1)
         A[:, :K, :K] += weighed @ slope
         gradient[:, :K] += (weighed @ excess[..., None])[..., 0]
+        if energy.floor is not None:
+            depths = energy.floor.misfit(moved)
+            J = energy.floor.jacobian(derivative.x[:, energy.floor.rows])[..., :n]
+            J = np.where(depths[..., None] > 0, J, 0.0).transpose(0, 2, 1)
+            A += J @ J.transpose(0, 2, 1)
+            gradient += (J @ depths[..., None])[..., 0]
         return A, gradient
 
 

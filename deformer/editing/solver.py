@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deformer.checks import (
     LARGEST,
+    as_array,
     checked_array,
     checked_flag,
     checked_instance,
@@ -20,7 +20,9 @@ from deformer.checks import (
     checked_number,
 )
 from deformer.compilation import compile_kernels
+from deformer.editing.bodies import Body, checked_freedom
 from deformer.editing.energy import HandleEnergy
+from deformer.editing.floor import Floor, FloorContacts, FloorTerm
 from deformer.editing.green_functions import HandleBasis
 from deformer.editing.handles import (
     Handle,
@@ -31,19 +33,16 @@ from deformer.editing.handles import (
     check_points,
     check_target,
     closed_point,
-    contradiction,
 )
 from deformer.editing.orientations import LocalFrame, checked_orientations, turned_by
 from deformer.editing.posed_surface import PosedSurface
 from deformer.editing.search import CodeSearch, State
-from deformer.editing.units import unit_warning
+from deformer.editing.target_warnings import TargetWarnings
 from deformer.editing.unknowns import Unknowns
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, RowPoint, SurfacePoint, SurfacePoints
 from deformer.linalg import CORES, one_blas_thread
 from deformer.model import DeformationModel
-
-_log = logging.getLogger("deformer")
 
 # Modules whose kernels a solve calls.
 _KERNELS = (
@@ -55,7 +54,12 @@ _KERNELS = (
     "deformer.network.decoder",
     "deformer.editing.kernels",
     "deformer.editing.handle_kernels",
+    "deformer.editing.lift_kernels",
 )
+# Most cold solves that contacts with the floor are added after.
+_FLOOR_ROUNDS = 4
+# Weight of contacts as handles: none.
+_NO_WEIGHT = 1e-12
 # A warm solve that lowers the energy by a smaller share than this has converged.
 _CONVERGED = 1e-3
 
@@ -81,8 +85,9 @@ class HandleSolver:
             pulled too far is not contorted for the last millimetre.
         freedom: how far the whole shape may turn and move. None: as little as the training shapes
             do, or anywhere at a cost. A number: a factor on standard deviations of 0.3 rad and one
-            bounding diagonal. With 1 a single handle moves the whole shape; with 0.01 the shape
-            stays about where it is and bends.
+            bounding diagonal. With 1, "moves", a single handle moves the whole shape; with 0.01,
+            "stays", the shape stays about where it is and bends. "auto": it stays under gentle
+            pulls and yields to strong ones, such as those of several handles together.
         misfit: τ, the model's own error at handles, in bounding diagonals, which decreases with
             the distance between them (`handle_errors`). None is the model's, for the number of
             handles (`DeformationModel.misfit_of`); 0 trusts its codes.
@@ -96,7 +101,7 @@ class HandleSolver:
         *,
         rigid: bool = True,
         noise: float | None = None,
-        freedom: float | None = None,
+        freedom: float | Body | None = None,
         misfit: float | None = None,
         relaxation: int = 60,
     ) -> None:
@@ -112,10 +117,13 @@ class HandleSolver:
         energy = HandleEnergy.of_model(model.closed, used, rigid)
         self._search = CodeSearch(energy, self.basis, model.codes)
         self._surface = PosedSurface(self._search, self.basis, relaxation)
-        self._warning: str | None = None
-        self._contradiction: str | None = None
+        self._warnings = TargetWarnings(model)
         self._handles: list[Handle] = []
         self._misfit = misfit
+        reference = model.closed.reference
+        self._contacts = FloorContacts(reference.vertices, reference.bounding_diagonal)
+        # The last surface before it was projected onto the floor.
+        self._free: FloatArray | None = None
         self.set_prior(noise=used, freedom=freedom)
         self._search.least_noise = used if noise is None else None
         self._places = SurfacePoints([], model.closed.reference.faces)
@@ -155,6 +163,8 @@ class HandleSolver:
         kinds: Kind | Sequence[Kind] | None = None,
         orientations: ArrayLike | Sequence[ArrayLike | None] | None = None,
         orientation_weights: ArrayLike | None = None,
+        gaps: ArrayLike | None = None,
+        check_units: bool = True,
     ) -> None:
         """Replace all handles.
 
@@ -174,37 +184,46 @@ class HandleSolver:
                 exactly (`local_rotations`). None, or None or NaN for a handle, leaves it free.
             orientation_weights: (H,) positive factors on the squared errors of the orientations,
                 beside `weights`; None is ones.
+            gaps: (H, 3) vectors from where the code's shape is to be to the targets, as in
+                `Handle`; None is zeros.
+            check_units: False if the targets are known to be in the model's units.
 
         Raises:
             InputError: an index out of range, a target that is not finite, a weight that is not
                 positive, a kind that is none, an orientation that is no rotation or at a point
-                that cannot have one, or lengths that differ.
+                that cannot have one, a gap that is not finite, or lengths that differ.
         """
         points, goals, factors, chosen = check_handles(
             self.model, vertices, targets, weights, hard, kinds
         )
-        turns = checked_orientations(orientations, orientation_weights, (len(points),))
-        self.warn_of_units(points, goals)
-        warning = contradiction(self.model, points, goals, chosen)
-        if warning is not None and warning != self._contradiction:
-            _log.warning(warning)
-        self._contradiction = warning
-        rows = zip(points, goals.tolist(), factors.tolist(), chosen, *turns, strict=True)
+        H = len(points)
+        turns = checked_orientations(orientations, orientation_weights, (H,))
+        apart = np.zeros((H, 3))
+        if gaps is not None and as_array(gaps, "gaps").size:
+            apart = checked_array(gaps, "gaps", (H, 3), largest=LARGEST)
+        checked_flag(check_units, "check_units")
+        if check_units:
+            self._warnings.of_units(points, goals)
+        self._warnings.of_contradictions(points, goals, chosen)
+        R = turns[0] if orientations is not None else [None] * H
+        rows = zip(
+            points,
+            goals.tolist(),
+            factors.tolist(),
+            chosen,
+            R,
+            turns[1],
+            apart.tolist(),
+            strict=True,
+        )
         self._assign([Handle(point, (t[0], t[1], t[2]), *rest) for point, t, *rest in rows])
-
-    def warn_of_units(self, vertices: Sequence[Point], targets: FloatArray) -> None:
-        """Log the `unit_warning` of targets, unless the targets before had the same."""
-        warning = unit_warning(self.model, vertices, targets)
-        if warning is not None and warning != self._warning:
-            _log.warning(warning)
-        self._warning = warning
 
     def set_prior(
         self,
         *,
         mean: ArrayLike | None = None,
         noise: float | None = None,
-        freedom: float | None = None,
+        freedom: float | Body | None = None,
         misfit: float | None = None,
     ) -> None:
         """Change the prior's mean and the energy's parameters; arguments of None change nothing.
@@ -214,7 +233,9 @@ class HandleSolver:
         Args:
             mean: (K,) latent code that replaces the prior's mean; without handles the pose is that
                 of this code. The covariance does not change.
-            noise, freedom, misfit: as in the class.
+            noise: as in the class.
+            freedom: as in the class.
+            misfit: as in the class.
 
         Raises:
             InputError: a code of another length or not finite, a number that is not positive.
@@ -222,7 +243,7 @@ class HandleSolver:
         _check_parameters(noise, freedom, misfit)
         if noise is not None:
             self._search.least_noise = None
-        given: dict[str, Any] = {"noise": noise, "freedom": freedom}
+        given: dict[str, Any] = {"noise": noise, "freedom": checked_freedom(freedom)}
         changes = {name: value for name, value in given.items() if value is not None}
         centre = None if mean is None else self._code(mean, "mean")
         self._search.set_prior(replace(self.energy, **changes), centre)
@@ -234,6 +255,41 @@ class HandleSolver:
             if any(handle.orientation is not None for handle in self._handles):
                 self._assign(self._handles)
 
+    @property
+    def floor(self) -> Floor | None:
+        """The floor; None is none."""
+        return self._contacts.floor
+
+    def set_floor(self, floor: Floor | None) -> None:
+        """Set a plane that the shape does not pass.
+
+        Vertices under the floor become contacts, a few at a time: the solve raises them to it,
+        along its normal alone, and projects onto it what is left. Contacts slide freely. Targets
+        under the floor, of exact handles, too, count as if they were on it: residuals say by how
+        much. While no vertex would pass, poses are those without a floor.
+
+        Args:
+            floor: for example `Floor.under(model)`; None removes it.
+
+        Raises:
+            InputError: no floor.
+        """
+        if floor is not None:
+            checked_instance(floor, "floor", Floor, remedy="make a Floor, or give None")
+        if floor != self._contacts.floor:
+            self._contacts.floor = floor
+            self._contacts.update(self._free)
+            self._assign(self._handles)
+            self._search.energy_changed()
+
+    def _touch(self) -> bool:
+        """Update the contacts by the last surface; True if they have changed."""
+        changed = self._contacts.update(self._free)
+        if changed:
+            self._assign(self._handles)
+            self._search.energy_changed()
+        return changed
+
     def restore(self, z: ArrayLike, rotation: ArrayLike, translation: ArrayLike) -> Pose:
         """Make an earlier solution the last one; the next warm solve starts from it.
 
@@ -242,7 +298,8 @@ class HandleSolver:
 
         Args:
             z: (K,) latent code.
-            rotation, translation: (3,) rigid motion, as in `Pose`.
+            rotation: (3,) rotation vector of the rigid motion, as in `Pose`.
+            translation: (3,) its translation, as in `Pose`.
         """
         energy = self.energy
         code = self._code(z, "z")
@@ -264,7 +321,7 @@ class HandleSolver:
             raise InputError("the solver has no solution yet to relax; call solve first")
         begun = time.perf_counter()
         with one_blas_thread():
-            state = self._search.current()
+            state = self._search.exact()
             return self._pose(begun, state, 0, self._surface.relaxed(state))
 
     def _code(self, z: ArrayLike, name: str) -> FloatArray:
@@ -276,9 +333,13 @@ class HandleSolver:
         Args:
             warm: true to start from the last solution alone, for a frame of a drag. Otherwise
                 several starts are tried, and the result does not depend on what was solved before.
+                While the handles of a large mesh move (20,000 vertices or more), warm solves
+                compute nodes that all vertices follow, with exact handles at their targets: of the
+                same code, the pose is about 0.1 % of the bounding diagonal from that of all
+                vertices. With unchanged targets they compute all vertices.
                 Warm solves with unchanged targets converge, and then try those starts, too, one a
-                call, until nothing is left to try; then the rigid relaxation ends, and the pose
-                comes to that of `relax` in small steps, until `at_rest`.
+                call, until nothing is left to try; then the rigid relaxation goes on, a few rounds
+                a call, until `at_rest`.
         """
         return self._solve(warm, explore=True)
 
@@ -289,17 +350,18 @@ class HandleSolver:
         The pose is then that of `relax`.
         """
         search = self._search
-        return search.at_rest and self._surface.at_rest(search.current())
+        rests = search.at_rest and self._surface.at_rest(search.current())
+        return rests and self._contacts.chosen(self._free) == self._contacts.vertices
 
     def _solve(self, warm: bool, explore: bool) -> Pose:
         begun = time.perf_counter()
         search, surface = self._search, self._surface
         with one_blas_thread():
             if warm and self.solution is not None:
-                before = search.current()
+                self._touch()
                 state, steps = search.warm(explore)
                 if search.jumped:
-                    vertices = surface.jumped(before, state)
+                    vertices = surface.relaxed(state)
                 elif search.at_rest:
                     vertices = surface.settled(state)
                 else:
@@ -307,6 +369,12 @@ class HandleSolver:
             else:
                 state, steps = search.cold()
                 vertices = surface.relaxed(state)
+                for _ in range(_FLOOR_ROUNDS):
+                    self._free = vertices
+                    if not self._touch():
+                        break
+                    state, more = search.cold()
+                    vertices, steps = surface.relaxed(state), steps + more
             return self._pose(begun, state, steps, vertices)
 
     def solve_to_convergence(self, solves: int = 8) -> Pose:
@@ -381,34 +449,51 @@ class HandleSolver:
             self._places = SurfacePoints([self._point(handle) for handle in handles], faces)
         rows = [row for handle in handles for row in self._rows(handle)]
         self._handles = handles
-        wanted = list(dict.fromkeys(point for point, _, _, _ in rows))
+        contacts = self._contacts.vertices
+        wanted = list(dict.fromkeys([*(row[0] for row in rows), *contacts]))
         if set(wanted) != set(self.basis.points):
             self.basis.set_points(_keeping_indices(self.basis.points, wanted))
             self._search.vertices_changed()
         points = self.basis.points
         index = {point: n for n, point in enumerate(points)}
         weights = np.zeros(len(points))
-        targets = np.zeros((len(points), 3))
+        targets, gaps = np.zeros((2, len(points), 3))
         hard = np.zeros(len(points), dtype=bool)
-        for point, target, weight, is_hard in rows:
+        for point, target, weight, gap, is_hard in rows:
             n = index[point]
             weights[n] += weight
             targets[n] += weight * np.array(target)
+            gaps[n] += weight * np.array(gap)
             hard[n] |= is_hard
+        touching = np.array([index[vertex] for vertex in contacts], dtype=np.int64)
+        idle = touching[weights[touching] == 0]
+        weights[idle] = _NO_WEIGHT
+        targets[idle] = (
+            _NO_WEIGHT * self.basis.model.reference.vertices[[points[n] for n in idle.tolist()]]
+        )
         if points:
             targets /= weights[:, None]
+            gaps /= weights[:, None]
         misfit = self.model.misfit_of(len(handles)) if self._misfit is None else self._misfit
-        self._search.set_targets(targets, weights, misfit)
-        self._surface.set_exact(hard)
+        floor = self._contacts.floor
+        term = (
+            FloorTerm(floor, touching, self.energy.diagonal)
+            if floor is not None and contacts
+            else None
+        )
+        self._search.set_targets(targets - gaps, weights, misfit, term)
+        self._surface.set_exact(hard, gaps)
 
-    def _rows(self, handle: Handle) -> list[tuple[RowPoint, ArrayLike, float, bool]]:
-        """Points, targets and weights by which a handle enters the energy; true if exact."""
+    def _rows(self, handle: Handle) -> list[tuple[RowPoint, ArrayLike, float, ArrayLike, bool]]:
+        """Points, targets, weights and gaps by which a handle enters the energy; true if exact."""
+        floor = self._contacts.floor
+        goal = np.array(handle.target) if floor is None else floor.above(handle.target)
         if handle.orientation is None:
-            return [(self._point(handle), handle.target, handle.weight, handle.hard)]
+            return [(self._point(handle), goal, handle.weight, handle.gap, handle.hard)]
         frame = self._frame(handle)
-        targets = frame.targets(np.array(handle.target), np.array(handle.orientation))
+        targets = frame.targets(goal, np.array(handle.orientation))
         return [
-            (point, target, handle.weight / len(targets), handle.hard)
+            (point, target, handle.weight / len(targets), handle.gap, handle.hard)
             for point, target in zip(frame.points, targets, strict=True)
         ]
 
@@ -429,6 +514,9 @@ class HandleSolver:
         return found
 
     def _pose(self, begun: float, state: State, steps: int, vertices: FloatArray) -> Pose:
+        self._free = vertices
+        if self._contacts.floor is not None:
+            vertices = self._contacts.floor.above(vertices)
         energy, x = self.energy, Unknowns(state.x)
         targets = np.array([handle.target for handle in self._handles]).reshape(-1, 3)
         places = self._places.at(vertices)
@@ -446,13 +534,15 @@ class HandleSolver:
         )
 
 
-def _check_parameters(noise: float | None, freedom: float | None, misfit: float | None) -> None:
+def _check_parameters(
+    noise: float | None, freedom: float | Body | None, misfit: float | None
+) -> None:
     """Raise InputError for a number that is not positive, or 0 or more; None is not checked."""
     if misfit is not None:
         checked_number(misfit, "misfit", least=0, most=LARGEST)
-    for name, value in (("noise", noise), ("freedom", freedom)):
-        if value is not None:
-            checked_number(value, name, above=0, most=LARGEST)
+    if noise is not None:
+        checked_number(noise, "noise", above=0, most=LARGEST)
+    checked_freedom(freedom)
 
 
 def _keeping_indices(current: list[RowPoint], wanted: list[RowPoint]) -> list[RowPoint]:

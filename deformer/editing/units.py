@@ -39,7 +39,7 @@ _OFF = 0.6
 # points on the model, in bounding diagonals; so are all targets by factors of `_EXTREME` and more.
 _MANY, _NEAR, _EXTREME = 8, 1.5, 100.0
 # Handles that are compared, and frames of a sequence.
-_COMPARED, _FRAMES = 16, 25
+_COMPARED, FRAMES = 16, 25
 
 
 def unit_warning(
@@ -68,7 +68,7 @@ def unit_warning(
     frames = frames[[bool(np.isfinite(frame).all(axis=1).any()) for frame in frames]]
     if not len(frames):
         return None
-    frames = frames[np.unique(np.linspace(0, len(frames) - 1, _FRAMES).astype(int))]
+    frames = frames[np.unique(np.linspace(0, len(frames) - 1, FRAMES).astype(int))]
     found = [_of_frame(points, frame, diagonal) for frame in frames]
     factors = [factor for factor in found if factor is not None]
     if not factors:

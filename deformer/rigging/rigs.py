@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deformer.acap import vertex_normals
-from deformer.checks import LARGEST, check_memory, checked_array, checked_choice, checked_number
-from deformer.documents import Like, document_of, upright_glb
+from deformer.checks import LARGEST, check_memory, checked_array, checked_number
+from deformer.documents import Like, document_of, up_of, upright_glb
 from deformer.geometry import FloatArray, IntArray, Mesh, Seams, no_seams
 from deformer.io import atomic_path, check_output_file
 from deformer.rigging.matrices import Frame, local_matrices, world_matrices
@@ -139,7 +139,7 @@ class Rig:
         matrices = world_matrices(frame.outward(T), self.rest)
         return matrices[0] if given.ndim == 2 else matrices
 
-    def glb(self, fps: float = 24.0, like: Like | None = None, *, up: str = "y") -> bytes:
+    def glb(self, fps: float = 24.0, like: Like | None = None, *, up: str | None = None) -> bytes:
         """A GLB file: the skinned mesh, its skeleton, and the clip with one shape a frame.
 
         Args:
@@ -150,8 +150,9 @@ class Rig:
                 (`Document.write`), and vertices are split where that splits them; an OBJ or PLY
                 file without normals gets smooth ones. None writes positions, smooth normals and
                 triangles.
-            up: "y" or "z", the axis that points up. GLB has y up, so that the bones of a rig that
-                is not like a GLB document are on a node that turns z up. Coordinates stay.
+            up: "y" or "z", the axis that points up; None is that of a model given as `like`, else
+                y. GLB has y up, so that the bones of a rig that is not like a GLB document are on a
+                node that turns z up, which `load_shapes` leaves out. Coordinates stay.
 
         Raises:
             InputError: `fps` or `up` is none, or a document of another mesh or a damaged one.
@@ -161,7 +162,7 @@ class Rig:
             document.check_fits(len(self.weights), self.reference.faces)
         surface = self._seams.close_mesh(self.reference)
         normals = self._seams.open(vertex_normals(surface.vertices, surface.faces))
-        checked_choice(up, "up", ("y", "z"))
+        up = up_of(like, up)
         data = rig_glb(
             self.reference,
             normals,
@@ -176,7 +177,12 @@ class Rig:
         return upright_glb(data, up, document)
 
     def save(
-        self, path: str | Path, fps: float = 24.0, like: Like | None = None, *, up: str = "y"
+        self,
+        path: str | Path,
+        fps: float = 24.0,
+        like: Like | None = None,
+        *,
+        up: str | None = None,
     ) -> None:
         """Write the GLB file `path`, under a temporary name first.
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from deformer.compilation import njit
 from deformer.geometry import FloatArray
 from deformer.rigging.transforms import PULL
+from deformer.workspace import slices
 
 # Vertices whose products with all transforms are in memory at once.
 _CHUNK = 8192
@@ -25,7 +26,7 @@ def point_errors(rest: FloatArray, shapes: FloatArray, T: FloatArray) -> FloatAr
     """
     errors = np.empty((len(rest), T.shape[1]))
     A, products = _stacked(T)
-    for part in _parts(len(rest)):
+    for part in slices(len(rest), _CHUNK):
         h, c, square = _chunk(rest[part], shapes[part], A)
         _point_errors(h, c, square, products, errors[part])
     return errors
@@ -57,17 +58,13 @@ def fitted_weights(
     """
     weights = np.zeros(near.shape)
     A, products = _stacked(T)
-    for part in _parts(len(rest)):
+    for part in slices(len(rest), _CHUNK):
         h, c, square = _chunk(rest[part], shapes[part], A)
         _fit(
             h, c, square, products, near[part], influences, smooth[part], smoothness, PULL,
             weights[part],
         )  # fmt: skip
     return weights
-
-
-def _parts(count: int) -> list[slice]:
-    return [slice(start, start + _CHUNK) for start in range(0, count, _CHUNK)]
 
 
 def _stacked(T: FloatArray) -> tuple[FloatArray, FloatArray]:

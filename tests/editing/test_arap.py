@@ -7,7 +7,8 @@ from scipy.spatial.transform import Rotation
 from deformer.acap.features import FeatureExtractor
 from deformer.acap.gradients import features_to_gradients
 from deformer.acap.poisson import PoissonSystem
-from deformer.editing.arap import DecodedSurface, schur_inverse
+from deformer.editing.arap import DecodedSurface
+from deformer.editing.exact_rows import schur_inverse
 from deformer.editing.kernels import fit_step
 from deformer.geometry.mesh import Mesh, MeshSequence
 from deformer.geometry.rotations import log_to_rotation, polar

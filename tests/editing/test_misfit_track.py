@@ -1,22 +1,13 @@
 """Truths of the field that codes of a sequence miss: against dense matrices, and in sequences."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from deformer import HandleSolver, InputError, fit_sequence, local_rotations
-from deformer.editing import misfit_track, sequence as sequence_module
+from deformer.editing import misfit_track, sequence_windows
 from deformer.editing.handle_errors import ModelErrors
 from deformer.editing.misfit_track import MisfitTrack
-
-HANDLES = np.arange(4, 120, 12)
-NOISE, MISFIT = 0.01, 0.03
-
-
-@pytest.fixture(scope="module")
-def doubtful(model):
-    return replace(model, handle_misfits=(MISFIT, MISFIT))
+from misfits import HANDLES, MISFIT, NOISE
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +38,7 @@ def test_it_is_the_conditional_mean_of_a_field_in_space_and_time(smoothness):
     weights = rng.uniform(0.5, 2.0, (F, 4))
     weights[2:5, 1] = weights[6] = 0.0
     found = rng.normal(size=(F, 4, 3))
-    track = MisfitTrack(errors, NOISE, weights, smoothness)
+    track = MisfitTrack(errors, NOISE, smoothness)
     T = in_time(smoothness, F)[0] / track._stiffness
     C = MISFIT**2 * np.kron(T, errors.correlation)
     seen = weights.ravel() > 0
@@ -55,13 +46,13 @@ def test_it_is_the_conditional_mean_of_a_field_in_space_and_time(smoothness):
     expected = C[:, seen] @ np.linalg.solve(R, found.reshape(-1, 3)[seen])
     # What is given where nothing is seen does not matter.
     found[weights == 0] = np.nan
-    result = track.expected(slice(0, F), found)
+    result = track.expected(F, weights, found)
     np.testing.assert_allclose(result.reshape(-1, 3), expected, rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.parametrize("smoothness", [0.0, 0.01, 1.0, 30.0])
 def test_far_from_both_ends_the_variance_is_one(smoothness):
-    track = MisfitTrack(field(), NOISE, np.ones((1, 4)), smoothness)
+    track = MisfitTrack(field(), NOISE, smoothness)
     variance = np.diag(in_time(smoothness, 301)[0])[150] / track._stiffness
     assert variance == pytest.approx(1.0, abs=1e-3)
 
@@ -72,10 +63,10 @@ def test_windows_continue_each_other():
     weights = np.ones((F, 4))
     weights[15:25] = 0.0
     found = np.cumsum(rng.normal(size=(F, 4, 3)), axis=0)
-    whole = MisfitTrack(errors, NOISE, weights, 1.0).expected(slice(0, F), found)
-    track = MisfitTrack(errors, NOISE, weights, 1.0)
-    first = track.expected(slice(0, 20), found[:50])
-    rest = track.expected(slice(20, F), found[20:])
+    whole = MisfitTrack(errors, NOISE, 1.0).expected(F, weights, found)
+    track = MisfitTrack(errors, NOISE, 1.0)
+    first = track.expected(20, weights[:50], found[:50])
+    rest = track.expected(F - 20, weights[20:], found[20:])
     parts = np.concatenate([first, rest])
     np.testing.assert_allclose(parts, whole, atol=0.01 * np.abs(whole).max())
 
@@ -161,8 +152,8 @@ def test_a_misfit_of_zero_trusts_the_codes(model, doubtful, truth):
 
 def test_long_sequences_are_smooth_where_windows_end(doubtful, truth, monkeypatch):
     whole = fit_sequence(doubtful, HANDLES, truth[:, HANDLES], noise=NOISE)
-    monkeypatch.setattr(sequence_module, "_WINDOW", 12)
-    monkeypatch.setattr(sequence_module, "_AHEAD", 6)
+    monkeypatch.setattr(sequence_windows, "WINDOW", 12)
+    monkeypatch.setattr(sequence_windows, "_AHEAD", 6)
     parts = fit_sequence(doubtful, HANDLES, truth[:, HANDLES], noise=NOISE)
     diagonal = doubtful.reference.bounding_diagonal
     assert np.abs(parts.vertices - whole.vertices).max() < 3e-3 * diagonal

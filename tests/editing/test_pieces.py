@@ -5,7 +5,7 @@ import pytest
 
 from deformer import HandleSolver, MeshSequence, fit_sequence, load_model, train
 from deformer.geometry.mesh import connected_components
-from deformer.training.mirroring import mirror_images
+from deformer.training.mirroring import find_mirror
 from distances import largest
 from shapes import join, pieces, pieces_model, sequence, tube
 
@@ -89,7 +89,8 @@ def test_mirror_images_mirror_where_the_pieces_are():
     vertices = np.concatenate(
         [shapes.vertices[:1] * np.ones((6, 1, 1)) - gap, lift + tube().vertices + gap], 1
     )
-    images, plane = mirror_images(MeshSequence(vertices, both.faces))
+    mirror, plane = find_mirror(MeshSequence(vertices, both.faces))
+    images = mirror.images(vertices)
     expected = plane.mirror(vertices[:, plane.opposite])
     assert largest(images - expected) < 1e-6
 

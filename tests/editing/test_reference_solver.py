@@ -1,6 +1,5 @@
 """Truths of the plain handle solver that the fast one is held against."""
 
-import importlib.util
 from dataclasses import replace
 from functools import cache
 
@@ -14,6 +13,7 @@ from deformer.geometry.mesh import site_rings
 from deformer.model.latent_prior import fit_prior
 from networks import random_network
 from paths import ROOT
+from scripts import module_of
 from settings import QUICK_ADAM
 from shapes import awkward, sequence, small_model, tube, two_components
 
@@ -21,16 +21,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("error")]
 BOTH = pytest.mark.parametrize("layers", [(9,), (7, 5)], ids=["one layer", "two layers"])
 
 
-def _solver():
-    path = ROOT / "benchmarks" / "reference_solver.py"
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.ReferenceSolver
-
-
-ReferenceSolver = _solver()
+ReferenceSolver = module_of(ROOT / "benchmarks" / "reference_solver.py").ReferenceSolver
 
 
 @cache

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from deformer import HandleSolver, ModelConfig, fit_sequence, train
-from deformer.editing import sequence as sequence_module
+from deformer.editing import sequence_windows
 from deformer.errors import InputError
 from deformer.geometry.rotations import log_to_rotation
 from distances import largest
@@ -319,11 +319,11 @@ def test_windows_join_as_if_there_were_one(model, diagonal, truth, monkeypatch, 
         ).vertices
 
     whole = fit()
-    assert events == [(FRAMES, FRAMES)]
-    monkeypatch.setattr(sequence_module, "_WINDOW", 15)
-    monkeypatch.setattr(sequence_module, "_AHEAD", 8)
+    assert list(dict.fromkeys(events)) == [(0, FRAMES), (FRAMES, FRAMES)]
+    monkeypatch.setattr(sequence_windows, "WINDOW", 15)
+    monkeypatch.setattr(sequence_windows, "_AHEAD", 8)
     parts = fit()
-    assert events == [(15, FRAMES), (30, FRAMES), (FRAMES, FRAMES)]
+    assert list(dict.fromkeys(events)) == [(n, FRAMES) for n in (0, 15, 30, FRAMES)]
     assert largest(parts - whole) < (0.02 if lost else 3e-3) * diagonal
 
 
@@ -413,3 +413,78 @@ def test_mistakes_are_refused_in_one_line(model, case):
     with pytest.raises(InputError, match=message) as caught:
         fit_sequence(model, arguments.pop("vertices"), arguments.pop("targets"), **arguments)
     assert "\n" not in str(caught.value)
+
+
+def paths(model, count=20):
+    """Codes (count, K) from one training code to another, and targets a little off their shapes."""
+    share = np.linspace(0.0, 1.0, count)[:, None]
+    means = (1.0 - share) * model.codes[8] + share * model.codes[3]
+    targets = np.array([model.decode(z)[[10, 60, 110]] for z in means])
+    targets[:, 1, 2] += 0.1
+    return means, targets
+
+
+@pytest.mark.parametrize("smoothness", [0.0, 10.0])
+def test_without_handles_each_frame_is_the_shape_of_its_mean(model, smoothness):
+    means, _ = paths(model)
+    found = fit_sequence(model, [], np.zeros((20, 0, 3)), mean=means, smoothness=smoothness)
+    np.testing.assert_allclose(found.z, means, atol=1e-9)
+    np.testing.assert_allclose(found.prior_distance, 0.0, atol=1e-9)
+    assert largest(found.vertices - [model.decode(z) for z in means]) < 1e-5
+
+
+@pytest.mark.parametrize("freedom", [0.01, 1.0, "auto", "stays"])
+def test_without_smoothness_frames_are_single_poses_with_their_means_and_freedom(model, freedom):
+    """Against `HandleSolver`, for the parameters that a viewer's pose has."""
+    means, targets = paths(model)
+    found = fit_sequence(
+        model, [10, 60, 110], targets, mean=means, freedom=freedom, noise=NOISE, smoothness=0.0
+    )
+    solver = HandleSolver(model, noise=NOISE, freedom=freedom)
+    for frame in (0, 7, 19):
+        solver.set_prior(mean=means[frame])
+        solver.set_handles([10, 60, 110], targets[frame])
+        pose = solver.solve()
+        assert found.prior_distance[frame] == pytest.approx(pose.prior_distance, rel=1e-2)
+        assert largest(found.vertices[frame] - pose.vertices) < 5e-3
+
+
+def test_the_model_s_mean_is_that_of_no_mean(model):
+    _, targets = paths(model)
+    plain, same = (
+        fit_sequence(model, [10, 60, 110], targets, noise=NOISE, **given)
+        for given in ({}, {"mean": model.latent_mean})
+    )
+    np.testing.assert_allclose(same.vertices, plain.vertices, atol=1e-6)
+
+
+def test_an_exception_of_the_report_ends_a_fit_before_its_first_frame_is_done(model):
+    """A window asks there whether the fit is still wanted."""
+
+    class Cancelled(Exception):
+        pass
+
+    seen = []
+
+    def report(done, total):
+        seen.append((done, total))
+        raise Cancelled
+
+    _, targets = paths(model)
+    with pytest.raises(Cancelled):
+        fit_sequence(model, [10, 60, 110], targets, on_progress=report)
+    assert seen == [(0, 20)]
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"mean": np.zeros(3)}, "mean: expected"),
+        ({"mean": np.zeros((19, 2))}, "mean: expected"),
+        ({"freedom": 0.0}, "freedom"),
+    ],
+)
+def test_means_and_freedom_are_checked(model, given, words):
+    _, targets = paths(model)
+    with pytest.raises(InputError, match=words):
+        fit_sequence(model, [10, 60, 110], targets, **given)

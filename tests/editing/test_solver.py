@@ -6,7 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deformer import Handle, HandleSolver
+from deformer import Handle, HandleSolver, load_model
+from deformer.editing.green_functions import HandleBasis
+from deformer.editing.rest import solve_to_rest
+from deformer.editing.search import CodeSearch
 from deformer.errors import InputError
 from deformer.geometry.rotations import log_to_rotation
 from distances import largest
@@ -630,6 +633,47 @@ def test_a_minimum_that_is_not_the_lowest_is_left_at_rest_alone(model, diagonal)
     assert energies[-1] <= 1.01 * cold.energy
 
 
+def test_the_last_frame_of_a_drag_is_nearly_a_minimum(model, diagonal):
+    """Moves as large as those of a fast hand; what is left is done at rest, and shows."""
+    rng = np.random.default_rng(5)
+    moved = []
+    for _ in range(12):
+        vertices = rng.choice(len(model.reference.vertices), 3, replace=False)
+        start = model.reference.vertices[vertices]
+        end = start[0] + 0.4 * diagonal * rng.normal(size=3)
+        solver = HandleSolver(model, noise=0.007)
+        solver.set_handles(vertices, start)
+        solver.solve()
+        for share in np.linspace(0, 1, 9)[1:]:
+            frame = solver.drag(int(vertices[0]), (1 - share) * start[0] + share * end)
+        refined = solver.solve_to_convergence(20)
+        assert refined.energy >= 0.98 * frame.energy
+        moved.append(np.abs(solver.model.decode(frame.z) - solver.model.decode(refined.z)).max())
+    assert np.median(moved) < 1e-2 * diagonal
+
+
+def test_a_rest_refines_no_start_that_leads_back(model, diagonal, monkeypatch):
+    """Only those that lead to another minimum than the one that the solver rests in."""
+    refined = []
+    converge = CodeSearch._converge
+
+    def count(self, *arguments):
+        refined.append(arguments)
+        return converge(self, *arguments)
+
+    monkeypatch.setattr(CodeSearch, "_converge", count)
+    vertices = [3, 40, 80]
+    solver = HandleSolver(model, noise=0.007)
+    solver.set_handles(vertices, model.reference.vertices[vertices] + 0.02 * diagonal)
+    cold = solver.solve()
+    minima = len(refined)
+    refined.clear()
+    solver.restore(cold.z, cold.rotation, cold.translation)
+    last = solve_to_rest(solver)
+    assert solver.at_rest and len(refined) == minima - 1
+    assert last.energy <= cold.energy * (1 + 1e-9)
+
+
 def test_a_solver_with_nothing_to_do_comes_to_rest(model):
     """Without handles, and at handles that are where they would be anyway: an energy of zero."""
     solver = HandleSolver(model)
@@ -675,3 +719,36 @@ def test_targets_out_of_reach_are_refused_and_leave_no_trace(model, diagonal, ha
     far = solver.drag(3, [5e9 * diagonal, 0.0, 0.0])
     assert np.isfinite(far.vertices).all()
     assert np.isfinite(solver.drag(3, target[0]).vertices).all()
+
+
+def test_rows_of_a_handle_do_not_depend_on_the_handles_that_came_with_it():
+    """Bit by bit: a solution that is stored has the same pose in a solver of another history."""
+    model = large_model()
+    points = list(range(0, len(model.reference.vertices), 97))[:13]
+    one_by_one, at_once = HandleBasis(model), HandleBasis(model)
+    for count in range(1, len(points) + 1):
+        one_by_one.set_points(points[:count])
+        one_by_one.set_exact(points[:count])
+    at_once.set_points(points)
+    for rows in (
+        lambda basis: basis.coefficients(),
+        lambda basis: basis.set_exact(points).rows,
+        lambda basis: basis.misfit_rows(),
+    ):
+        np.testing.assert_array_equal(rows(one_by_one), rows(at_once))
+
+
+def test_a_drag_out_of_reach_does_not_stop_short_of_its_minimum():
+    """The energy of a far target is large, and a step that gains little of it may lead far."""
+    model = load_model("humanoid")
+    diagonal = model.reference.bounding_diagonal
+    solver = HandleSolver(model, noise=0.007, freedom="auto")
+    solver.set_prior(mean=model.codes[0])
+    start = solver.restore(model.codes[0], np.zeros(3), np.zeros(3)).vertices[2785]
+    solver.set_handles([2785], [start])
+    end, bow = np.array([[0.057, 0.033, -0.135], [0.048, 0.107, -0.031]]) * diagonal
+    for share in np.linspace(0, 1, 41)[1:]:
+        frame = solver.drag(2785, start + share * end + np.sin(np.pi * share) * bow)
+    rest = solve_to_rest(solver)
+    assert rest.energy > 0.99 * frame.energy
+    assert np.abs(rest.vertices - frame.vertices).max() < 0.05 * diagonal

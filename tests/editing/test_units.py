@@ -118,6 +118,15 @@ def test_solvers_log_it_once(model, shapes, caplog):
     assert len(caplog.messages) == 2 and "centimetres" in caplog.messages[1]
 
 
+def test_units_are_noticed_however_slowly_targets_come_to_them(model, shapes, caplog):
+    caplog.set_level(logging.WARNING, logger="deformer")
+    solver, targets = HandleSolver(model), shapes[1][HANDLES]
+    farthest = np.abs(targets).max() / model.reference.bounding_diagonal
+    for factor in np.arange(1.0, 12.0, 0.05 / farthest):
+        solver.set_handles(HANDLES, factor * targets)
+    assert caplog.messages
+
+
 def test_targets_farther_apart_than_any_pose_have_a_warning_without_a_factor(model):
     """Of another body, so that no scale brings them near their points."""
     rng, D = np.random.default_rng(3), model.reference.bounding_diagonal
