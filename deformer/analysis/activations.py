@@ -1,11 +1,11 @@
-"""Activations of latent components in the examples, and distances of codes from the examples."""
+"""Activations of latent components in the examples."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from deformer.checks import LARGEST, checked_array, checked_instance, checked_integer
+from deformer.checks import checked_instance, checked_integer
 from deformer.errors import InputError
 from deformer.geometry import FloatArray, IntArray
 from deformer.model import DeformationModel
@@ -132,41 +132,3 @@ class Activations:
         checked_integer(component, "component")
         if not 0 <= component < K:
             raise InputError(f"component {component} does not exist; the model has 0…{K - 1}")
-
-
-class Familiarity:
-    """Distances of latent codes from the training codes.
-
-    They are Mahalanobis distances by the prior's covariance. The unit is the distance within which
-    95 % of the training codes have their nearest neighbour: a code within 1 is as near to an
-    example as examples are to each other.
-
-    Args:
-        model: the prior with its training codes.
-    """
-
-    def __init__(self, model: DeformationModel) -> None:
-        """Measure the distances among the training codes."""
-        checked_instance(model, "model", DeformationModel, remedy="load it with load_model")
-        self._factor = model.prior.factor
-        self._codes = self._whitened(model.codes)
-        gaps = [np.sort(self._distances(y))[1] for y in self._codes]
-        self._unit = float(np.quantile(gaps, 0.95)) or 1.0
-
-    def distance(self, z: ArrayLike) -> float:
-        """Distance from a latent code z (K,) to the nearest training code; up to 1 is usual."""
-        return self.nearest(z)[1]
-
-    def nearest(self, z: ArrayLike) -> tuple[int, float]:
-        """Row in `codes` of the training code nearest to a latent code z (K,), and its distance."""
-        code = checked_array(z, "z", (len(self._factor),), largest=LARGEST)
-        y = self._whitened(code[None])[0]
-        distances = self._distances(y)
-        row = int(distances.argmin())
-        return row, float(distances[row]) / self._unit
-
-    def _whitened(self, codes: FloatArray) -> FloatArray:
-        return np.asarray(np.linalg.solve(self._factor, codes.T).T, dtype=np.float64)
-
-    def _distances(self, y: FloatArray) -> FloatArray:
-        return np.linalg.norm(self._codes - y, axis=1)

@@ -27,8 +27,10 @@ class Component:
             network's units; see `Activations`.
         motion: largest distance of a vertex of the representative shape from the decoded
             reference, in the data's own units.
-        low, high, reference, extreme: activations: the least and the greatest among the training
-            codes, the reference's, and the representative shape's.
+        low: least activation among the training codes.
+        high: greatest activation among the training codes.
+        reference: activation of the reference.
+        extreme: activation of the representative shape.
         centre: vertex with the largest weight.
         support: number of vertices with at least a tenth of the largest weight.
         extent: greatest geodesic distance from the centre to a vertex of the support, as a share

@@ -13,7 +13,13 @@ from numpy.typing import ArrayLike
 
 from deformer.acap import extract_all
 from deformer.analysis.synthesis import BlendSpace, check_blend_space
-from deformer.checks import check_memory, checked_array, checked_instance, checked_integer
+from deformer.checks import (
+    LARGEST,
+    check_memory,
+    checked_array,
+    checked_instance,
+    checked_integer,
+)
 from deformer.errors import InputError
 from deformer.geometry import (
     FloatArray,
@@ -101,6 +107,31 @@ def interpolate(
         p += _interpolated(shapes.mean(axis=1), all_times)[:, None]
         path, at_keys = p[: len(times)], p[len(times) :]
     return ShapePath(path, at_keys, times, model.reference.faces)
+
+
+def interpolate_codes(codes: ArrayLike, times: ArrayLike) -> FloatArray:
+    """Latent codes on the path through key codes, as "latent" interpolation takes it.
+
+    Args:
+        codes: (M, K) the key codes, M ≥ 2.
+        times: (n,) or one number, from 0 at the first key to M − 1 at the last.
+
+    Returns:
+        (n, K), or (K,) for one time.
+
+    Raises:
+        InputError: fewer than two codes, or a time outside 0…M − 1.
+    """
+    keys = checked_array(codes, "codes", ("M", "K"), largest=LARGEST)
+    if len(keys) < 2:
+        raise InputError(f"codes: expected two or more, got {len(keys)}; add one")
+    at = checked_array(times, "times", (), ("n",))
+    if at.size and not (at.min() >= 0 and at.max() <= len(keys) - 1):
+        raise InputError(
+            f"times: expected 0…{len(keys) - 1}, got {at.min():g}…{at.max():g}; stay on the path"
+        )
+    found = _interpolated(keys, np.atleast_1d(at))
+    return found if at.ndim else found[0]
 
 
 def _from_codes(model: DeformationModel, keys: FloatArray, times: FloatArray) -> FloatArray:

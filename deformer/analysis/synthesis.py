@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deformer.acap import undisplaced
-from deformer.analysis.activations import Activations, Familiarity
+from deformer.analysis.activations import Activations
+from deformer.analysis.familiarity import Familiarity
 from deformer.checks import (
     LARGEST,
     check_memory,
@@ -24,8 +25,8 @@ from deformer.errors import InputError
 from deformer.geometry import FloatArray
 from deformer.model import DeformationModel
 
-# What is linear in the weights: latent codes, features, or vertex positions.
 BlendSpace = Literal["latent", "features", "linear"]
+"""What is linear in the weights: latent codes, features, or vertex positions."""
 BLEND_SPACES: tuple[BlendSpace, ...] = ("latent", "features", "linear")
 
 # Component (its index or its name) → weight. The keys are Any, since Mapping is invariant in its
@@ -154,8 +155,8 @@ def draw_codes(
         model: the prior.
         count: number of codes.
         seed: of the random generator.
-        bound: greatest `Familiarity.distance` of a code: 1 is as far as examples are from each
-            other, 0 gives training codes.
+        bound: greatest distance of a code from the nearest example, as of `Familiarity.nearest`: 1
+            is as far as unseen examples are, 0 gives training codes.
 
     Raises:
         InputError: `count` or `bound` is negative.

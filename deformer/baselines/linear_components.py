@@ -32,7 +32,9 @@ class LinearComponents(GradientMethod):
 
     Args:
         model: a trained model; None trains one on the shapes given to `fit`.
-        config, epochs, device: arguments of `train` for that training.
+        config: as of `train`, for that training.
+        epochs: as of `train`, for that training.
+        device: as of `train`, for that training.
         noise: σ of handle fits; None lets `fit` choose it. In that cross-validation the components
             remain those of all training shapes; only the prior leaves out the held-out ones.
     """

@@ -15,7 +15,6 @@ from deformer.baselines.rigid import Arap, NearestArap
 from deformer.baselines.splocs import SPLOCS
 from deformer.baselines.structured_factors import StructuredFactors
 
-# Constructors of untrained methods by name, in the order of tables.
 METHODS: dict[str, Callable[[], PosingMethod]] = {
     "pca": PCA,
     "clustered-pca": ClusteredPCA,
@@ -29,3 +28,4 @@ METHODS: dict[str, Callable[[], PosingMethod]] = {
     "biharmonic": Biharmonic,
     "biharmonic-nearest": NearestBiharmonic,
 }
+"""Constructors of untrained methods by name, in the order of tables."""

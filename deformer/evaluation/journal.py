@@ -12,8 +12,9 @@ from deformer.io import JsonValue, atomic_path, parse_value, read_bytes
 
 Column = Literal["dataset", "method", "protocol", "count", "seed", "metric", "value"]
 COLUMNS: tuple[Column, ...] = ("dataset", "method", "protocol", "count", "seed", "metric", "value")
-# Metric of a row that reports a failure; its value is the reason in one line.
+"""Names of the columns of results.csv, and of the keys of a row."""
 FAILURE = "failure"
+"""Metric of a row that reports a failure; its value is the reason in one line."""
 
 
 class Row(TypedDict):

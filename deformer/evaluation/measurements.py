@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import cast
@@ -22,9 +22,11 @@ from deformer.io import save_mesh
 from deformer.linalg import one_blas_thread
 
 Errors = protocols.Errors
+# Folder of the meshes that pictures show, in the directory of a run.
+EXAMPLES = "examples"
 
 
-def run_job(job: Job, folder: Path) -> Iterator[tuple[str, list[Row]]]:
+def run_job(job: Job, folder: Path) -> Generator[tuple[str, list[Row]], None, None]:
     """Train a method and yield the key and the rows of each of its measurements.
 
     A measurement that raises yields a row of the metric "failure"; a training that raises yields
@@ -82,8 +84,13 @@ def _trained(training: Training, train: MeshSequence, folder: Path) -> tuple[Pos
         training.components,
         training.number,
         training.setting,
-        folder / "models" / training.network if training.network else None,
+        network_folder(folder, training.network) if training.network else None,
     )
+
+
+def network_folder(folder: Path, network: str) -> Path:
+    """Where a run in `folder` stores the network with the hash `network` (`Training.network`)."""
+    return folder / "models" / network
 
 
 @lru_cache(maxsize=32)
@@ -219,7 +226,7 @@ class _TrainedMethod:
         self, what: str, shape: FloatArray, estimate: FloatArray, error: float
     ) -> dict[int, Errors]:
         """Write the true and the estimated mesh, which the report draws."""
-        folder = self.folder / "examples" / self.training.source.name
+        folder = self.folder / EXAMPLES / self.training.source.name
         folder.mkdir(parents=True, exist_ok=True)
         faces = self.data.train.faces
         save_mesh(folder / "truth.ply", Mesh(shape, faces))

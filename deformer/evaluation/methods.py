@@ -87,6 +87,11 @@ def has_components(method: str) -> bool:
     return method in NETWORKS or method == "model" or METHODS[method]().space != "none"
 
 
+def is_trained(cache: Path) -> bool:
+    """True if the directory of a network's model has it."""
+    return (cache / "model.json").is_file()
+
+
 def train_method(
     method: str,
     shapes: MeshSequence,
@@ -120,7 +125,7 @@ def train_method(
     if cache is None:
         return METHODS[method]().fit(shapes, components, seed), time.perf_counter() - begun
     entry, before = NETWORKS[method], 0.0
-    if (cache / "model.json").is_file():
+    if is_trained(cache):
         model = load_model(cache).closed
         before = float(model.summary["seconds"])
     else:

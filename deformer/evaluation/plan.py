@@ -27,12 +27,14 @@ PROTOCOLS: tuple[Protocol, ...] = (
     "noise",
     "rotation",
 )
+"""Names of what can be measured."""
 Kind = Literal["training", "reconstruction", "rotation", "sparse_control", "example"]
 
 # The settings of (λ₁, λ₂) that the paper compares with (0.5, 0.5) (Tan et al. 2018, table
-# "diff_lambda"), and the method that is trained with them.
+# "diff_lambda").
 LAMBDAS = ((0.4, 0.4), (0.6, 0.6), (0.4, 0.6), (0.6, 0.4))
 LAMBDA_METHOD = "autoencoder-paper"
+"""The method whose network is also trained with other (λ₁, λ₂) than (0.5, 0.5)."""
 # The method whose network lays out the control points of the protocol "layout".
 LAYOUT_METHOD = "autoencoder"
 # Standard deviations of the noise protocol, per coordinate, in bounding diagonals of the reference.

@@ -12,7 +12,6 @@ from deformer.evaluation.plan import LAMBDA_METHOD, Study
 from deformer.evaluation.sources import Source
 from deformer.evaluation.splits import sequence_split
 
-# Options of a short `Study`, for any data set.
 QUICK: dict[str, Any] = {
     "protocols": ("reconstruction", "sparse_control", "rotation"),
     "components": (10,),
@@ -21,6 +20,7 @@ QUICK: dict[str, Any] = {
     "epochs": 100,
     "tests": 6,
 }
+"""Options of a short `Study`, for any data set."""
 
 # Largest number of test shapes, but for SCAPE: a fit to a shape of the largest set takes minutes.
 _TESTS = 12

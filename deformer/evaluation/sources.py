@@ -33,7 +33,8 @@ class Reading:
     """Options of reading shapes.
 
     Args:
-        fps, clip: as of `load_shapes`.
+        fps: as of `load_shapes`.
+        clip: as of `load_shapes`.
         reference: as of `io.with_reference`; None for none.
     """
 
@@ -157,7 +158,7 @@ def load_split(
     Raises:
         InputError: the data set cannot be read.
     """
-    shapes, _, reference_index = _load(source.path, source.reading)
+    shapes, reference_index = load_source(source)
     order = list(split.train)
     if reference_index is not None:
         order = [reference_index, *(n for n in order if n != reference_index)]
@@ -171,6 +172,16 @@ def load_split(
         added = np.random.default_rng(seed).normal(scale=spread, size=train.vertices.shape)
         train = MeshSequence(train.vertices + added, shapes.faces)
     return SplitData(train, reference, held_out)
+
+
+def load_source(source: Source) -> tuple[MeshSequence, int | None]:
+    """All shapes of a data set, without seams, and the index of the reference that it names.
+
+    Raises:
+        InputError: the data set cannot be read.
+    """
+    shapes, _, reference = _load(source.path, source.reading)
+    return shapes, reference
 
 
 @lru_cache(maxsize=2)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deformer import Activations, Familiarity, InputError
+from deformer import Activations, InputError
 from shapes import small_model
 
 
@@ -38,23 +38,3 @@ def test_support_is_where_the_weights_are(model, activations):
         activations.support(model.components)
     with pytest.raises(InputError, match="does not exist"):
         activations.representative(-1)
-
-
-def test_training_codes_are_familiar_and_far_ones_are_not(model):
-    familiarity = Familiarity(model)
-    assert max(familiarity.distance(z) for z in model.codes) < 1e-9
-    assert [familiarity.nearest(z)[0] for z in model.codes] == list(range(len(model.codes)))
-    mean, first = model.prior.mean, model.codes[0]
-    away = [familiarity.distance(mean + s * (first - mean)) for s in (2.0, 4.0, 8.0)]
-    assert 0 < away[0] < away[1] < away[2] and away[2] > 1
-
-
-def test_the_unit_of_familiarity_is_the_examples_own_distance(model):
-    """Without a code among the examples, 95 % of them are within 1 of the others."""
-    familiarity = Familiarity(model)
-    L = model.prior.factor
-    y = np.linalg.solve(L, model.codes.T).T
-    gaps = np.linalg.norm(y[:, None] - y, axis=2) + 1e9 * np.eye(len(y))
-    unit = np.quantile(gaps.min(axis=1), 0.95)
-    z = model.codes[3] + 1e-3 * L[:, 0]
-    assert familiarity.distance(z) == pytest.approx(1e-3 / unit, rel=1e-6)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deformer import InputError, ShapePath, interpolate
+from deformer import InputError, ShapePath, interpolate, interpolate_codes
 from deformer.geometry.rotations import align, log_to_rotation
 from shapes import bend, sequence, small_model
 
@@ -52,6 +52,22 @@ def test_latent_interpolation_decodes_codes_on_a_line(model):
     found = interpolate(model, keys, 5, "latent").vertices[1]
     shift = (found - expected).mean(axis=0)
     np.testing.assert_allclose(found - shift, expected, atol=1e-9)
+
+
+def test_codes_between_keys_are_those_of_the_latent_path(model):
+    keys = model.decode(model.codes[:3])
+    codes = model.encode(keys)
+    path = interpolate(model, keys, 5).vertices
+    decoded = model.decode(interpolate_codes(codes, np.linspace(0, 2, 9)))
+    centred = [shapes - shapes.mean(axis=1, keepdims=True) for shapes in (path, decoded)]
+    np.testing.assert_allclose(*centred, atol=1e-9)
+    np.testing.assert_allclose(interpolate_codes(codes, 1.25), codes[1] + (codes[2] - codes[1]) / 4)
+
+
+@pytest.mark.parametrize("time", [-0.1, 1.1])
+def test_times_beyond_the_keys_are_refused(model, time):
+    with pytest.raises(InputError, match=r"times: expected 0…1, got .*; stay on the path"):
+        interpolate_codes(model.codes[:2], time)
 
 
 def test_turns_take_the_shorter_way_and_keep_lengths(model):

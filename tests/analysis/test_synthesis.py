@@ -88,7 +88,7 @@ def test_draws_are_within_the_bound_and_of_the_prior(model):
     familiarity = Familiarity(model)
     for bound in (0.25, 1.0):
         drawn = draw_codes(model, 50, seed=3, bound=bound)
-        distances = np.array([familiarity.distance(z) for z in drawn])
+        distances = np.array([familiarity.nearest(z)[1] for z in drawn])
         assert drawn.shape == (50, model.components)
         assert (distances <= bound + 1e-9).all()
         assert len(np.unique(drawn.round(6), axis=0)) == 50
@@ -99,7 +99,7 @@ def test_draws_are_within_the_bound_and_of_the_prior(model):
     np.testing.assert_allclose(np.cov(white), np.eye(model.components), atol=0.12)
     np.testing.assert_array_equal(draw_codes(model, 2, seed=1), draw_codes(model, 2, seed=1))
     # Those that were near enough stay as drawn; the bound 0 leaves examples.
-    near = [familiarity.distance(z) <= 1 for z in free[:50]]
+    near = [familiarity.nearest(z)[1] <= 1 for z in free[:50]]
     assert any(near) and not all(near)
     # Products of other sizes round differently.
     np.testing.assert_allclose(draw_codes(model, 50, seed=3)[near], free[:50][near], atol=1e-12)

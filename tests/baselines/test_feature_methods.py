@@ -17,7 +17,7 @@ from deformer.baselines.autoencoder import Autoencoder
 from deformer.baselines.gradients import GradientSplocs
 from deformer.baselines.linear_components import LinearComponents
 from deformer.editing import HandleSolver, target_noise
-from deformer.editing.arap import schur_inverse
+from deformer.editing.exact_rows import schur_inverse
 from deformer.errors import InputError
 from deformer.geometry.geodesics import Geodesics
 from deformer.geometry.mesh import MeshSequence

@@ -229,9 +229,12 @@ def test_results_scale_with_the_shapes(Rival, scale):
     (one, *_), (other, *_) = bumps(count=10), bumps(count=10, scale=scale)
     a, b = Rival().fit(one, 5), Rival().fit(other, 5)
     handles = np.array([3, 100, 250, 400])
+    # The rounds of SPLOCS end when the objective falls by less than 1e-3: BLAS's rounding, which
+    # depends on where arrays lie in memory, may add or leave out a round.
+    tolerance = 2e-3 if Rival is SPLOCS else 1e-9
     for pose in (rebuilt, lambda m, v: m.fit_handles(handles, v[4, handles])):
         first, second = pose(a, one.vertices), pose(b, other.vertices)
-        assert_allclose(second / scale, first, atol=1e-9)
+        assert_allclose(second / scale, first, rtol=1e-7, atol=tolerance)
 
 
 @pytest.mark.parametrize("Rival", METHODS)

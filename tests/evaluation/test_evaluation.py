@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import deformer
+import parallel_tasks
 from bars import bending_bar
 from deformer import InputError, MeshSequence
 from deformer.baselines import METHODS
@@ -275,6 +276,19 @@ def test_parallel_equals_serial(tmp_path, source):
     for one, other in zip(values(serial), values(parallel), strict=True):
         # Compiled kernels may round differently where they were compiled and where they are kept.
         assert one == {**other, "value": pytest.approx(other["value"], rel=1e-4)}
+
+
+@pytest.mark.slow
+def test_a_process_that_dies_fails_what_is_left_of_its_own_job(tmp_path, source, monkeypatch):
+    monkeypatch.setattr("deformer.evaluation.runner.run_job", parallel_tasks.measure_or_die)
+    asked = study(source, "arap", "biharmonic", protocols=("sparse_control",), pictures=False)
+    rows = evaluate([asked], tmp_path, 2)
+    failures = [row for row in rows if row["metric"] == FAILURE]
+    assert {row["method"] for row in failures} == {"arap"}
+    assert {row["value"] for row in failures} == {"the process ended; out of memory?"}
+    measured = {row["protocol"] for row in rows if row["method"] == "arap"}
+    assert {row["protocol"] for row in failures} == {"sparse_control"} < measured
+    assert json.loads((tmp_path / "results.json").read_text()) == rows
 
 
 KILLED = {
