@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from deformer.errors import InputError
 
-# Greatest magnitude of the numbers that are computed with: their squares fit single precision.
 LARGEST = 1e15
+"""Greatest magnitude of the numbers that are computed with: their squares fit single precision."""
 # Memory, in bytes, above which a result is refused where the system does not tell how much it has.
 _ASSUMED_MEMORY = 16e9
 # Length to which values from users and files are cut in messages.
@@ -304,6 +304,22 @@ def _memory() -> float:
     with contextlib.suppress(OSError, ValueError):
         limits.append(float(int(Path("/sys/fs/cgroup/memory.max").read_text())))
     return min(limits, default=_ASSUMED_MEMORY)
+
+
+def free_memory() -> float:
+    """Bytes of memory that are not in use: of the machine, or of this process's cgroup."""
+    limits = [_memory()]
+    # What files are cached in is free, too. Only Linux has these files.
+    with contextlib.suppress(OSError, StopIteration, ValueError, IndexError):
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        line = next(line for line in lines if line.startswith("MemAvailable:"))
+        limits.append(1024.0 * int(line.split()[1]))
+    with contextlib.suppress(OSError, StopIteration, ValueError, IndexError):
+        group = Path("/sys/fs/cgroup")
+        stat = (group / "memory.stat").read_text().splitlines()
+        held = next(int(line.split()[1]) for line in stat if line.startswith("anon "))
+        limits.append(float(int((group / "memory.max").read_text()) - held))
+    return max(0.0, min(limits))
 
 
 def as_array(values: Any, name: object) -> NDArray:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from itertools import permutations, product
-
 import numpy as np
 
-from deformer.geometry import FloatArray, IntArray, closest_rotations, rotation_to_log
+from deformer.geometry import (
+    PROPER_AXES,
+    FloatArray,
+    IntArray,
+    closest_rotations,
+    rotation_to_log,
+)
 from deformer.preflight.local_rotations import LocalRotations, rotation_angles
 from deformer.preflight.neighbours import around
 from deformer.preflight.statistics import evenly
@@ -21,29 +25,6 @@ _ODD = np.radians(45.0)
 # Cosine of the angle between axes of turns that are alike.
 _ALIKE = 0.7
 _COMPARED = 200
-
-
-def _signed_axes() -> FloatArray:
-    """The proper signed permutations (24, 3, 3), the identity first."""
-    found = [
-        np.eye(3)[list(order)] * np.array(signs)[:, None]
-        for order in permutations(range(3))
-        for signs in product((1.0, -1.0), repeat=3)
-    ]
-    proper = [P for P in found if np.linalg.det(P) > 0]
-    return np.array(sorted(proper, key=lambda P: -np.trace(P)))
-
-
-_PROPER_AXES = _signed_axes()
-
-
-def axes_text(P: FloatArray) -> str:
-    """A signed permutation as the coordinates it gives: "-x, y, z" for the mirror image in x."""
-    words = []
-    for row in P:
-        axis = int(np.abs(row).argmax())
-        words.append(("-" if row[axis] < 0 else "") + "xyz"[axis])
-    return ", ".join(words)
 
 
 def undoing(local: LocalRotations, good: IntArray, mirrored: IntArray) -> dict[int, FloatArray]:
@@ -130,7 +111,7 @@ class _Nearness:
         next_to = f[beside] @ f[chosen].transpose(0, 2, 1)[:, None]
         C = np.concatenate([among, next_to], axis=1)
         C /= np.minimum(count[self._compared], count[chosen][:, None])[..., None, None]
-        axes = _PROPER_AXES.astype(np.float32).reshape(24, 9)
+        axes = PROPER_AXES.astype(np.float32).reshape(24, 9)
         self._distance = 1.0 - np.tensordot(axes, C.reshape(*C.shape[:2], 9), axes=(1, 2)) / 3.0
         self._C = C
         self._distance[:, self._compared == chosen[:, None]] = np.inf
@@ -147,7 +128,7 @@ class _Nearness:
         """
         least = np.maximum(self._distance.min(axis=2), 1e-6)
         q, rows = least.argmin(axis=0), np.arange(len(self._chosen))
-        P, gain = _PROPER_AXES[q], least.min(axis=0) / least[0]
+        P, gain = PROPER_AXES[q], least.min(axis=0) / least[0]
         nearest = self._distance[q, rows].argmin(axis=1)
         remaining = closest_rotations(self._C[rows, nearest] @ P.transpose(0, 2, 1))
         gain[rotation_angles(remaining) > _LEFT_OVER] = 1.0

@@ -11,8 +11,8 @@ from scipy.sparse import csgraph
 from deformer.geometry import (
     FloatArray,
     IntArray,
-    MeshSequence,
     Seams,
+    ShapeSequence,
     connected_components,
     same_place,
 )
@@ -96,7 +96,7 @@ def examine_connectivity(
 
 
 def examine_places(
-    shapes: MeshSequence,
+    shapes: ShapeSequence,
     seams: Seams,
     label: Labels,
     facts: dict[str, Any],

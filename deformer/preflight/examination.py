@@ -10,12 +10,20 @@ import numpy as np
 
 from deformer.checks import checked_instance
 from deformer.errors import InputError
-from deformer.geometry import FloatArray, MeshSequence, find_seams, procrustes
+from deformer.geometry import (
+    FloatArray,
+    MeshSequence,
+    ShapeSequence,
+    StoredShapes,
+    find_seams,
+    procrustes,
+)
 from deformer.preflight import frames, neighbours
 from deformer.preflight.connectivity import examine_connectivity, examine_places
 from deformer.preflight.orientation import examine_orientation
 from deformer.preflight.report import Finding, Labels, Report, in_order
 from deformer.preflight.statistics import Statistics
+from deformer.workspace import Rows, blocks
 
 # Residual of a rigid fit, in bounding diagonals, that the rounding of float32 data explains.
 RIGID_TOLERANCE = 1e-5
@@ -23,15 +31,15 @@ RIGID_TOLERANCE = 1e-5
 _FEW = 20
 
 
-def examine(shapes: MeshSequence, names: Sequence[str] | None = None) -> Report:
+def examine(shapes: ShapeSequence, names: Sequence[str] | None = None) -> Report:
     """Check shapes before training; shape 0 is the reference.
 
     Args:
-        shapes: at least one shape.
+        shapes: at least one shape; those in a file are read some at a time.
         names: a name for each shape, as of its file, for messages.
 
     Returns:
-        A report. Facts: shapes, vertices, faces, components and isolated_vertices (a vertex
+        A report, with the facts shapes, vertices, faces, components and isolated_vertices (a vertex
         without a face is no component), seam_vertices (that lie on another one in all shapes; the
         surface is whole there), boundary_loops (connected pieces of the border),
         non_manifold_edges (more than two faces), inconsistent_orientation (edges that both faces
@@ -44,14 +52,17 @@ def examine(shapes: MeshSequence, names: Sequence[str] | None = None) -> Report:
     Raises:
         InputError: another number of names than shapes.
     """
-    checked_instance(shapes, "shapes", MeshSequence, remedy="load shapes with load_shapes")
+    if not isinstance(shapes, StoredShapes):
+        checked_instance(shapes, "shapes", MeshSequence, remedy="load shapes with load_shapes")
     if names is not None:
         checked_instance(names, "names", Sequence, remedy="give a list of names")
     if names is not None and len(names) != len(shapes):
         raise InputError(f"names: got {len(names)}, expected one for each of {len(shapes)} shapes")
     label = Labels(names)
     findings: list[Finding] = []
-    diagonals = np.linalg.norm(np.ptp(shapes.vertices, axis=1), axis=1)
+    vertices = shapes.vertices
+    extents = np.concatenate([np.ptp(vertices[part], axis=1) for part in blocks(vertices)])
+    diagonals = np.linalg.norm(extents, axis=1)
     facts: dict[str, Any] = {
         "shapes": len(shapes),
         "vertices": shapes.vertices.shape[1],
@@ -62,14 +73,14 @@ def examine(shapes: MeshSequence, names: Sequence[str] | None = None) -> Report:
     examine_connectivity(shapes.faces, seams, facts, findings)
     examine_places(shapes, seams, label, facts, findings)
     facts["bounding_diagonal"] = {"min": float(diagonals.min()), "max": float(diagonals.max())}
-    points = frames.points(shapes, label)
+    points = frames.points(extents, label)
     findings += points or _examine_shapes(shapes, diagonals, facts, label)
     findings += _examine_variety(shapes, facts, label)
     return Report(in_order(findings), facts)
 
 
 def _examine_shapes(
-    shapes: MeshSequence, diagonals: FloatArray, facts: dict[str, Any], label: Labels
+    shapes: ShapeSequence, diagonals: FloatArray, facts: dict[str, Any], label: Labels
 ) -> list[Finding]:
     """Findings about single shapes; each is called faulty for one reason only."""
     measures = Statistics.measure(shapes)
@@ -90,7 +101,7 @@ def _shapes_of(findings: list[Finding]) -> set[int]:
     return {n for finding in findings for n in finding.shapes}
 
 
-def _examine_variety(shapes: MeshSequence, facts: dict[str, Any], label: Labels) -> list[Finding]:
+def _examine_variety(shapes: ShapeSequence, facts: dict[str, Any], label: Labels) -> list[Finding]:
     """Findings about too few shapes, and shapes that are all alike or repeated."""
     duplicates = _duplicates(shapes.vertices)
     facts["duplicate_shapes"] = [list(pair) for pair in duplicates]
@@ -137,16 +148,18 @@ def _examine_variety(shapes: MeshSequence, facts: dict[str, Any], label: Labels)
     ]
 
 
-def _all_rigid(vertices: FloatArray, tolerance: float) -> bool:
-    for shape in vertices[1:]:
-        R, t = procrustes(vertices[0], shape)
-        residual = vertices[0] @ R.T + t - shape
+def _all_rigid(vertices: Rows, tolerance: float) -> bool:
+    first = vertices[0]
+    for n in range(1, len(vertices)):
+        shape = vertices[n]
+        R, t = procrustes(first, shape)
+        residual = first @ R.T + t - shape
         if np.sqrt((residual**2).sum(axis=1).mean()) > tolerance:
             return False
     return True
 
 
-def _duplicates(vertices: FloatArray) -> list[tuple[int, int]]:
+def _duplicates(vertices: Rows) -> list[tuple[int, int]]:
     """Pairs (first, later) of shapes with exactly the same positions."""
     seen: dict[bytes, int] = {}
     pairs = []

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from deformer.checks import rounded
-from deformer.geometry import FloatArray, IntArray, MeshSequence
+from deformer.geometry import FloatArray, IntArray
 from deformer.preflight.report import Finding, Labels
 from deformer.preflight.statistics import Statistics
 
@@ -48,9 +48,14 @@ _BACK = 0.05
 _LOST_LENGTH, _LOST_EDGES = 0.5, 0.05
 
 
-def points(shapes: MeshSequence, label: Labels) -> list[Finding]:
-    """An error for shapes with all vertices at one point."""
-    found = np.flatnonzero(np.ptp(shapes.vertices, axis=1).max(axis=1) == 0)
+def points(extents: FloatArray, label: Labels) -> list[Finding]:
+    """An error for shapes with all vertices at one point.
+
+    Args:
+        extents: (N, 3) of the shapes' bounding boxes.
+        label: names shapes.
+    """
+    found = np.flatnonzero(extents.max(axis=1) == 0)
     if not len(found):
         return []
     return [

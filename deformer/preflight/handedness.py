@@ -16,6 +16,7 @@ from deformer.geometry import FloatArray, IntArray, same_place
 from deformer.preflight.connectivity import border_loops, half_edges
 from deformer.preflight.neighbours import odd_ones
 from deformer.preflight.statistics import Statistics, evenly
+from deformer.workspace import Rows
 
 # Area of the holes over that of the surface, in any of so many shapes, above which it is a sheet: a
 # hemisphere has 0.5.
@@ -56,7 +57,7 @@ def mirrored(measures: Statistics, kept: IntArray) -> IntArray:
     return np.array(found, dtype=np.int64)
 
 
-def _mirrored_sheets(vertices: FloatArray, corners: IntArray, kept: IntArray) -> IntArray:
+def _mirrored_sheets(vertices: Rows, corners: IntArray, kept: IntArray) -> IntArray:
     """Sheets bent the other way than quiet neighbours, and like these after a reflection."""
     angles = {n: _dihedral_angles(vertices[n], corners) for n in kept.tolist()}
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deformer.geometry import FloatArray, IntArray, closest_rotations
+from deformer.workspace import Rows, blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +28,9 @@ class LocalRotations:
     count: FloatArray
 
     @classmethod
-    def of(cls, vertices: FloatArray, faces: IntArray) -> LocalRotations:
+    def of(cls, vertices: Rows, faces: IntArray) -> LocalRotations:
         """Of shapes (N, V, 3) with faces (f, 3)."""
-        frames = face_frames(vertices, faces)
+        frames = np.concatenate([face_frames(vertices[part], faces) for part in blocks(vertices)])
         return cls(frames, np.maximum((frames != 0).any(axis=1).sum(axis=1) / 3.0, 1.0))
 
     def between(self, one: IntArray | int, other: IntArray | int) -> tuple[FloatArray, FloatArray]:

@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from deformer.geometry import FloatArray, IntArray, MeshSequence
+from deformer.geometry import FloatArray, IntArray, ShapeSequence
 from deformer.preflight.report import Finding, Labels
+from deformer.workspace import blocks
 
 # Neighbours on either side; at the ends of the set, as many in all.
 _SIDE = 3
@@ -72,7 +73,7 @@ def odd_ones(shapes: IntArray, distance: Distance, least: float) -> dict[int, In
 
 
 def moved(
-    shapes: MeshSequence, diagonals: FloatArray, excluded: set[int], label: Labels
+    shapes: ShapeSequence, diagonals: FloatArray, excluded: set[int], label: Labels
 ) -> list[Finding]:
     """Warnings of shapes far away from neighbours that lie near each other.
 
@@ -83,7 +84,8 @@ def moved(
         label: names shapes.
     """
     kept = np.array([n for n in range(len(shapes)) if n not in excluded], dtype=np.int64)
-    centres = shapes.vertices.mean(axis=1)
+    vertices = shapes.vertices
+    centres = np.concatenate([vertices[part].mean(axis=1) for part in blocks(vertices)])
     size = max(float(np.median(diagonals)), 1e-300)
 
     def distance(one: IntArray, other: IntArray) -> FloatArray:

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from deformer.geometry import FloatArray, procrustes
-from deformer.preflight.axes import axes_text, undoing
+from deformer.geometry import FloatArray, axes_text, procrustes
+from deformer.preflight.axes import undoing
 from deformer.preflight.handedness import mirrored as find_mirrored
 from deformer.preflight.local_rotations import (
     LocalRotations,
@@ -19,6 +19,7 @@ from deformer.preflight.local_rotations import (
 from deformer.preflight.report import Finding, Labels
 from deformer.preflight.statistics import Statistics, evenly
 from deformer.preflight.turns import rotated
+from deformer.workspace import Rows
 
 LARGE_ROTATION = np.pi / 2
 _REFLECTION = np.array([-1.0, 1.0, 1.0])
@@ -26,7 +27,9 @@ _REFLECTION = np.array([-1.0, 1.0, 1.0])
 # factors: that of a turned shape, and the sum over all shapes. Where shapes bend far, aligning
 # harms although it brings them a little closer.
 _CLOSER, _ALL_CLOSER = 0.5, 1 / 3
-_FRAMES = 600
+# Faces that local rotations are compared at; of many shapes fewer, so that all shapes' numbers
+# together are bounded.
+_FRAMES, _LEAST_FRAMES, _ALL_FRAMES = 600, 60, 1_200_000
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,8 @@ def examine_orientation(measures: Statistics, excluded: set[int], label: Labels)
     vertices = measures.shapes.vertices
     kept = np.array([n for n in range(len(vertices)) if n not in excluded], dtype=np.int64)
     findings: list[Finding] = []
-    faces = measures.sampled_faces[evenly(len(measures.sampled_faces), _FRAMES)]
+    frames = min(_FRAMES, max(_LEAST_FRAMES, _ALL_FRAMES // len(vertices)))
+    faces = measures.sampled_faces[evenly(len(measures.sampled_faces), frames)]
     local = LocalRotations.of(vertices, faces)
     mirrored = find_mirrored(measures, kept)
     local.frames[mirrored] = face_frames(vertices[mirrored] * _REFLECTION, faces)
@@ -115,7 +119,8 @@ def _merged(findings: list[Finding], label: Labels) -> list[Finding]:
     return merged
 
 
-def _rigid_fits(vertices: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _rigid_fits(vertices: Rows) -> tuple[FloatArray, FloatArray]:
     """Angle (N,) of the best rotation from shape 0 to each shape, and that rotation (N, 3, 3)."""
-    R = np.array([procrustes(vertices[0], shape)[0] for shape in vertices])
+    first = vertices[0]
+    R = np.array([procrustes(first, shape)[0] for shape in vertices])
     return rotation_angles(R), R

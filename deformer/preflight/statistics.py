@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from deformer.geometry import FloatArray, IntArray, MeshSequence, edges
+from deformer.geometry import FloatArray, IntArray, ShapeSequence, edges
 
 # Shapes whose lengths make the usual ones, and faces and edges that stand for all: evenly chosen.
 _SHAPES = 33
@@ -49,7 +49,7 @@ class Statistics:
         long: vertices whose edges are long, for each shape with any.
     """
 
-    shapes: MeshSequence
+    shapes: ShapeSequence
     edges: IntArray
     usual_lengths: FloatArray
     scale: FloatArray
@@ -60,7 +60,7 @@ class Statistics:
     long: dict[int, IntArray]
 
     @classmethod
-    def measure(cls, shapes: MeshSequence) -> Statistics:
+    def measure(cls, shapes: ShapeSequence) -> Statistics:
         """Measure all shapes, one after the other."""
         N, V = shapes.vertices.shape[:2]
         pairs = edges(shapes.faces)
