@@ -6,7 +6,6 @@ import _thread
 import codecs
 import ctypes
 import dataclasses
-import errno
 import io
 import json
 import logging
@@ -23,6 +22,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 from rich.console import Console
 from typer.exceptions import TyperException
+
+from deformer_app.mistakes import system_mistake
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -144,20 +145,6 @@ class _CtrlC:
             threading.Timer(0.01, again).start()
         else:
             self._hook(unraisable)
-
-
-def system_mistake(error: OSError) -> str:
-    """Describe what the system refused, and what to do."""
-    remedies = {
-        errno.ENOSPC: "free some space, or choose another place",
-        errno.EDQUOT: "free some space, or choose another place",
-        errno.EACCES: "change its permissions, or choose another place",
-        errno.EPERM: "change its permissions, or choose another place",
-        errno.EROFS: "choose another place",
-        errno.EMFILE: "close other programs, or raise the limit (ulimit -n)",
-    }
-    remedy = remedies.get(error.errno or 0, "check the path and the disk")
-    return f"{error.filename or 'system'}: {error.strerror or error}; {remedy}"
 
 
 def _users_mistake(error: Exception) -> str | None:

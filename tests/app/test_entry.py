@@ -1,4 +1,4 @@
-"""Ctrl-C after the work of a command."""
+"""The ways into the command line, and Ctrl-C after the work of a command."""
 
 import os
 import signal
@@ -24,3 +24,11 @@ def test_ctrl_c_while_python_takes_itself_down_changes_nothing(arguments, status
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == status, done.stderr
     assert "interrupted" not in done.stderr
+
+
+def test_the_package_runs_as_the_command():
+    """As torchrun starts it."""
+    command = [sys.executable, "-m", "deformer", "info", "no-such-model"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.startswith("deformer: no-such-model: no such model")

@@ -75,6 +75,33 @@ Bare = Annotated[
         "which the model was trained.",
     ),
 ]
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="A Dask scheduler, tcp://HOST:PORT, whose workers compute; or local:N, N workers of "
+        "this machine.  \\[default: this process]",
+        show_default=False,
+    ),
+]
+Memory = Annotated[
+    str | None,
+    typer.Option(
+        metavar="SIZE",
+        help="Memory to use, such as 2GB; what exceeds it is in temporary files. The model does "
+        "not depend on it.  [default: half of what is free]",
+        show_default=False,
+    ),
+]
+Cache = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIRECTORY",
+        help="Where the temporary files are; they are gone when the command ends.  [default: "
+        "beside the output, or the system's]",
+        show_default=False,
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
 
 
@@ -86,6 +113,22 @@ def examples(*commands: str) -> str:
 def words(text: str | None) -> tuple[str, ...] | None:
     """Words of a text with commas between them; None for None."""
     return None if text is None else tuple(word.strip() for word in text.split(","))
+
+
+_UNITS = {"KB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}
+
+
+def bytes_of(size: str | None) -> float | None:
+    """Bytes of a size such as "2GB" or "1.5 GB"; None for None."""
+    if size is None:
+        return None
+    text = size.strip().upper()
+    number, unit = text[:-2].strip(), _UNITS.get(text[-2:])
+    if unit is None or not number.replace(".", "", 1).isdecimal() or len(number) > 12:
+        raise typer.BadParameter(
+            f"expected a size such as 2GB or 800MB, got {size[:60]!r}", param_hint="--memory"
+        )
+    return float(number) * unit
 
 
 def numbers(

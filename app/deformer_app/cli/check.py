@@ -5,7 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from deformer import InputError, MeshSequence, Report, examine, io, load_shapes, repair_shapes
+from deformer import (
+    InputError,
+    MeshSequence,
+    Report,
+    StoredShapes,
+    Workspace,
+    examine,
+    io,
+    load_shapes,
+    repair_shapes,
+    sequence_memory,
+    training_memory,
+)
 from deformer_app import console
 
 
@@ -14,7 +26,7 @@ def file_names(path: Path) -> list[str] | None:
     return [file.name for file in io.shape_files(path)] if path.is_dir() else None
 
 
-def shape_names(path: Path, shapes: MeshSequence) -> list[str] | None:
+def shape_names(path: Path, shapes: MeshSequence | StoredShapes) -> list[str] | None:
     """What messages call the shapes: their files, or their own names; None without either."""
     files = file_names(path)
     if files is not None and len(files) == len(shapes):
@@ -29,6 +41,7 @@ def run(
     reference: str | None = None,
     fps: float | None = None,
     clip: str | None = None,
+    workspace: Workspace | None = None,
 ) -> dict[str, Any]:
     """Examine shapes, and repair and picture them if asked; what `--json` prints.
 
@@ -38,6 +51,7 @@ def run(
         page: HTML file for a report with pictures, or None.
         reference: the undeformed shape, as of `io.with_reference`; None is the first.
         fps, clip: as of `load_shapes`.
+        workspace: where the shapes are, unless they are repaired or pictured: these need memory.
     """
     if fix is not None and reference is not None:
         raise InputError(
@@ -47,18 +61,27 @@ def run(
         io.check_copy(path, fix)
     if page is not None:
         io.check_output_file(page)
+    work = workspace or Workspace()
+    shapes: MeshSequence | StoredShapes
     with console.progress("loading") as progress:
-        shapes = load_shapes(path, progress, fps=fps, clip=clip)
+        if fix is not None or page is not None:
+            shapes = load_shapes(path, progress, fps=fps, clip=clip)
+        else:
+            shapes = load_shapes(path, progress, fps=fps, clip=clip, workspace=work)
     if reference is not None:
-        shapes, first = io.with_reference(shapes, reference)
+        shapes, first = io.with_reference(shapes, reference, work)
         # The examination takes shape 0 as the reference.
         shapes = shapes.subset([first, *(n for n in range(len(shapes)) if n != first)])
     names = shape_names(path, shapes) if reference is None else list(shapes.names) or None
     report = examine(shapes, names)
     result = report.as_dict()
+    facts = report.facts
+    vertices = facts["vertices"] - facts["seam_vertices"]
+    result["memory"] = _memory(len(shapes), vertices, work.limit)
+    result["fit_memory"] = _fit_memory(vertices)
     fixed: tuple[MeshSequence, Report] | None = None
     done: tuple[str, ...] = ()
-    if fix is not None:
+    if fix is not None and isinstance(shapes, MeshSequence):
         repaired = repair_shapes(shapes, names)
         written = io.save_copy(
             path,
@@ -80,7 +103,7 @@ def run(
         fixed = again, examine(again, names)
         result["fix"] = {"output": str(copy), "done": list(done), "after": fixed[1].as_dict()}
         result["usable"] = fixed[1].usable
-    if page is not None:
+    if page is not None and isinstance(shapes, MeshSequence):
         from deformer_app.report import check as pages
 
         pages.write(page, path, shapes, report, done, fixed)
@@ -88,9 +111,31 @@ def run(
     return result
 
 
+def _memory(shapes: int, vertices: int, limit: float) -> dict[str, float]:
+    """Memory of `deformer train` with 50 components, in GB."""
+    expected = training_memory(shapes, vertices)
+    sizes = {
+        "expected_GB": max(expected.least, min(expected.whole, limit)),
+        "all_in_memory_GB": expected.whole,
+        "least_GB": expected.least,
+        "files_GB": 0.0 if expected.whole <= limit else expected.files,
+    }
+    return {name: round(size / 1e9, 2) for name, size in sizes.items()}
+
+
+def _fit_memory(vertices: int) -> dict[str, float]:
+    """Memory of `deformer fit` of a sequence with 50 components and 20 handles, in GB."""
+    expected = sequence_memory(vertices)
+    sizes = {"least_GB": expected.least, "files_GB_of_1000_frames": 1000 * expected.frame}
+    return {name: round(size / 1e9, 2) for name, size in sizes.items()}
+
+
 def show(path: Path, result: dict[str, Any]) -> None:
     """Print what `run` returned."""
     _show_report(str(path), result)
+    console.show_facts("Memory of deformer train, with 50 components", result["memory"])
+    title = "Memory of deformer fit, for sequences of any length, with 20 handles"
+    console.show_facts(title, result["fit_memory"])
     if fix := result.get("fix"):
         rows = [[line] for line in fix["done"]] or [["nothing that can be repaired safely"]]
         console.show_table("Repairs", ["what was done"], rows)

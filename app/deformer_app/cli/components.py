@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -16,12 +16,12 @@ from deformer_app import console
 from deformer_app.cli.folders import output_folder
 from deformer_app.rendering.animation import save_animation
 from deformer_app.rendering.camera import Camera, aim, turntable, upright_axes
+from deformer_app.rendering.framing import trimmed, with_bar
 from deformer_app.rendering.offscreen import Layer, Picture, contact_sheet, render
 from deformer_app.rendering.palette import HEAT
 from deformer_app.rendering.sheets import save_sheet
 
-TILE = (420, 420)  # pixels of a picture, with its bar
-BAR = 150  # pixels of the width left free for the bar, half on each side
+TILE = (360, 420)  # pixels of a picture, without its bar
 TURN = (240, 300)  # pixels of a turntable
 COLUMNS = 5
 FPS = 8
@@ -65,12 +65,14 @@ def run(
             deformer.save_mesh(folder / f"{stem}{suffix}", mesh, like=document)
         total = len(found) * (1 + turn)
         up = str(model.summary.get("up", "y"))
+        layers = heat_layers(analysis, found)
         tiles = []
-        for stem, picture in zip(stems, heat_maps(analysis, found, up), strict=True):
-            save_sheet(folder / f"{stem}.png", picture)
+        for stem, picture in zip(stems, heat_maps(layers, up), strict=True):
+            save_sheet(folder / f"{stem}.png", with_bar(picture, layers[0]))
             tiles.append(picture)
             progress(len(tiles), total)
-        save_sheet(folder / "sheet.png", contact_sheet(tiles, COLUMNS, [title(c) for c in found]))
+        titles = [title(component) for component in found]
+        save_sheet(folder / "sheet.png", heat_sheet(layers, tiles, COLUMNS, titles))
         if turn:
             _turntables(analysis, found, up, turn, [folder / f"{s}.gif" for s in stems], progress)
         rows = [asdict(c) for c in found]
@@ -126,24 +128,25 @@ def show_keys(result: dict[str, Any]) -> None:
     )
 
 
-def heat_maps(
-    analysis: ComponentAnalysis, found: list[Component], up: str, size: tuple[int, int] = TILE
-) -> Iterator[Picture]:
-    """Pictures of the representative shapes, coloured by the change of their features.
-
-    All pictures share one camera and one colour scale.
+def heat_maps(layers: Sequence[Layer], up: str, size: tuple[int, int] = TILE) -> Iterator[Picture]:
+    """Pictures of `heat_layers`, with one camera and without colour bars.
 
     Args:
-        analysis: component analysis of a model.
-        found: components to draw.
+        layers: the representative shapes.
         up: axis that points up.
-        size: width and height of a picture in pixels, wider than BAR.
+        size: width and height of a picture in pixels.
     """
-    layers = _layers(analysis, found)
     shapes = np.stack([layer.mesh.vertices for layer in layers])
-    camera = aim(shapes, up=up, aspect=(size[0] - BAR) / size[1])
+    camera = aim(shapes, up=up, aspect=size[0] / size[1], margin=0.02)
     for layer in layers:
-        yield render(layer, camera, size)
+        yield render(replace(layer, bar=False), camera, size)
+
+
+def heat_sheet(
+    layers: Sequence[Layer], pictures: Sequence[Picture], columns: int, titles: Sequence[str]
+) -> Picture:
+    """The pictures of `heat_maps` in rows, with one colour bar for all."""
+    return with_bar(contact_sheet(trimmed(pictures), columns, titles), layers[0])
 
 
 def title(component: Component) -> str:
@@ -208,7 +211,8 @@ def _key(index: int, label: str) -> str:
     return f"{index}" if label == f"component {index}" else f"{index} {label}"
 
 
-def _layers(analysis: ComponentAnalysis, found: list[Component]) -> list[Layer]:
+def heat_layers(analysis: ComponentAnalysis, found: list[Component]) -> list[Layer]:
+    """Representative shapes of components, coloured by the change of features on one scale."""
     heats = [analysis.activations.displacement(c.index) for c in found]
     # A few vertices of one component would otherwise stretch the scale for all.
     limit = max(float(np.quantile(np.stack(heats), 0.999)), 1e-9)
@@ -234,7 +238,7 @@ def _turntables(
 ) -> None:
     sky = upright_axes(up)[1]
     done = len(found)
-    for layer, file in zip(_layers(analysis, found), files, strict=True):
+    for layer, file in zip(heat_layers(analysis, found), files, strict=True):
         bare = replace(layer, bar=False)
         frames = []
         for camera in _around(layer.mesh, up, sky, count):

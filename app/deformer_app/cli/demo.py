@@ -18,6 +18,7 @@ from deformer_app import console
 from deformer_app.cli.folders import output_folder
 from deformer_app.rendering.animation import save_animation
 from deformer_app.rendering.camera import aim, eased, upright_axes
+from deformer_app.rendering.framing import trimmed
 from deformer_app.rendering.offscreen import HandleGlyphs, contact_sheet, render, save_picture
 from deformer_app.viewer.edit import NOISE
 
@@ -259,4 +260,4 @@ def _sheet(reference: Mesh, drag: Drag, steps: list[Step], up: str) -> Any:
     }
     pictures = [render(reference, camera, TILE)]
     pictures += [_picture(reference, drag, steps[i], camera, TILE) for i in chosen.values()]
-    return contact_sheet(pictures, 3, ["Reference", *chosen])
+    return contact_sheet(trimmed(pictures), len(pictures), ["Reference", *chosen])

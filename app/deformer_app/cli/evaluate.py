@@ -13,6 +13,7 @@ from deformer_app.cli.arguments import (
     MOST_EPOCHS,
     MOST_RUNS,
     Clip,
+    Cluster,
     Fps,
     Json,
     Reference,
@@ -37,6 +38,7 @@ class Preset(StrEnum):
         "deformer evaluate walk-model walk/ -o evaluation --methods arap,arap-nearest",
         "deformer evaluate walk/ -o evaluation --protocols layout --methods autoencoder,pca,arap",
         "deformer evaluate datasets/ -o evaluation --preset paper --processes 2",
+        "deformer evaluate walk/ -o evaluation --cluster tcp://10.0.0.1:8786",
     )
 )
 def evaluate(
@@ -136,6 +138,7 @@ def evaluate(
         int | None, typer.Option(min=1, help="Measure on at most so many test shapes.")
     ] = None,
     processes: Annotated[int, typer.Option(min=1, max=MOST_RUNS, help="Trainings at a time.")] = 1,
+    cluster: Cluster = None,
     reference: Reference = None,
     fps: Fps = None,
     clip: Clip = None,
@@ -169,7 +172,7 @@ def evaluate(
     chosen = preset.value if preset else None
     try:
         with console.measurements_progress() as report:
-            result = evaluating.run(paths, output, options, chosen, processes, report)
+            result = evaluating.run(paths, output, options, chosen, processes, report, cluster)
     except KeyboardInterrupt:
         console.note("Interrupted: what is finished is kept; the same command goes on.")
         raise console.Interrupted from None

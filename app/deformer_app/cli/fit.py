@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +18,63 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from deformer import DeformationModel
+
+
+# Frames of a sequence by which warnings are decided.
+_SPACED = 25
+# Smoothness and rounds of relaxation of sequences whose file tells neither.
+_SMOOTHNESS, _RELAXATION = 10.0, 2
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of the command line that a fit has; None leaves what the file says."""
+
+    hard: bool = False
+    noise: float | None = None
+    smoothness: float | None = None
+    device: str = "cpu"
+    backend: str | None = None
+
+
+def handles_of(
+    model: DeformationModel, path: Path, workspace: deformer.Workspace | None = None
+) -> io.HandleFile:
+    """The contents of a handles file for a model.
+
+    Args:
+        model: the model.
+        path: the file.
+        workspace: where the frames of a sequence are; None has them in memory.
+
+    Raises:
+        InputError: it cannot be read, or belongs to another model.
+    """
+    reference = model.reference
+    file = io.load_handles(
+        path, len(reference.vertices), reference.faces, model.components, workspace
+    )
+    file.check_model(path, model.fingerprint)
+    return file
+
+
+def fit_task(
+    model: DeformationModel, handles: io.HandleFile, noise: float | None, options: Options
+) -> Generator[None, None, tuple[NDArray, dict[str, Any]]]:
+    """A fit of `pose` or `sequence` as a task of an executor, which has no parts."""
+    yield from ()
+    if not handles.is_sequence:
+        return pose(model, handles, options.hard, noise)
+    return sequence(
+        model,
+        handles,
+        hard=options.hard,
+        noise=noise,
+        smoothness=options.smoothness,
+        device=options.device,
+        backend=options.backend,
+        progress=lambda done, total: None,
+    )
 
 
 def chosen_noise(option: float | None, handles: io.HandleFile) -> float | None:
@@ -35,11 +94,15 @@ def pose(
 ) -> tuple[NDArray, dict[str, Any]]:
     """Vertices (V, 3) of a pose fitted to the first frame's handles, and the fit's record.
 
+    With a start, the pose comes to rest from it, as in the viewer (`deformer.solve_to_rest`).
     `noise` is the standard deviation of the positions' coordinates, if it is known.
     """
-    frame = handles.frames[0]
-    used = None if noise is None else deformer.target_noise(model, noise)
-    solver = deformer.HandleSolver(model, noise=used)
+    frame, prior, start = handles.frames[0], handles.prior, handles.start
+    used = prior.noise if noise is None else deformer.target_noise(model, noise)
+    solver = deformer.HandleSolver(model, noise=used, freedom=prior.body)
+    solver.set_prior(mean=prior.mean)
+    if handles.floor is not None:
+        solver.set_floor(deformer.Floor.at(model, handles.floor))
     solver.set_handles(
         [handle.vertex for handle in frame],
         [handle.position for handle in frame],
@@ -47,8 +110,13 @@ def pose(
         kinds="exact" if hard else [handle.kind for handle in frame],
         orientations=[handle.orientation for handle in frame],
         orientation_weights=[handle.orientation_weight for handle in frame],
+        gaps=[handle.gap for handle in frame],
     )
-    found = solver.solve()
+    if start is not None:
+        solver.restore(start.z, start.rotation, start.translation)
+        found = deformer.solve_to_rest(solver)
+    else:
+        found = solver.solve()
     return found.vertices, describe(found)
 
 
@@ -68,8 +136,22 @@ def describe(found: deformer.Pose) -> dict[str, Any]:
 
 def unit_warning(model: DeformationModel, handles: io.HandleFile) -> str | None:
     """A warning if the targets are most likely in other units than the model; else None."""
-    points, targets, weights, *_ = _tracks(handles)
-    return deformer.unit_warning(model, points, np.where(weights[..., None] > 0, targets, np.nan))
+    seen = [n for n, frame in enumerate(handles.frames) if frame]
+    return deformer.unit_warning(model, *_spaced(handles, seen))
+
+
+def axis_warning(model: DeformationModel, handles: io.HandleFile) -> str | None:
+    """A warning if the targets most likely have other axes than the model; else None."""
+    return deformer.axis_warning(model, *_spaced(handles, range(len(handles.frames))))
+
+
+def _spaced(
+    handles: io.HandleFile, frames: Sequence[int]
+) -> tuple[list[int | deformer.SurfacePoint], NDArray]:
+    """Points of some frames, evenly spread, and their targets (F, H, 3), NaN where not seen."""
+    chosen = np.unique(np.linspace(0, len(frames) - 1, _SPACED).astype(int)).tolist()
+    tracks = io.handle_tracks([handles.frames[frames[n]] for n in chosen])
+    return tracks.points, tracks.seen(slice(None))
 
 
 def sequence(
@@ -78,74 +160,152 @@ def sequence(
     *,
     hard: bool,
     noise: float | None,
-    smoothness: float,
+    smoothness: float | None,
     device: str,
     backend: str | None,
     progress: Callable[[int, int], None],
 ) -> tuple[NDArray, dict[str, Any]]:
     """Vertices (F, V, 3) fitted to the handles of F frames, and the fit's record with `frames`.
 
-    `noise` as in `pose`.
+    `noise` as in `pose`; a smoothness of None is what the file tells, or 10.
     """
-    used = None if noise is None else deformer.target_noise(model, noise, sequence=True)
-    points, targets, weights, exact, turns, turn_weights = _tracks(handles)
-    begun = time.perf_counter()
+    options = Options(hard, noise, smoothness, device, backend)
+    record = _Record(frames=True)
     found = deformer.fit_sequence(
-        model,
-        points,
-        targets,
-        weights=weights,
-        hard=exact | hard,
-        orientations=turns,
-        orientation_weights=turn_weights,
-        smoothness=smoothness,
-        noise=used,
-        device=device,
-        backend=backend,
-        on_progress=progress,
+        model, **_arguments(model, handles, io.handle_tracks(handles.frames), options, progress)
     )
-    milliseconds = 1000.0 * (time.perf_counter() - begun)
-    frames = [
-        {"z": z, **_residuals(residual, angles), "prior_distance": distance}
-        for z, residual, angles, distance in zip(
-            found.z,
-            found.residual,
-            found.orientation_residual,
-            found.prior_distance,
-            strict=True,
-        )
-    ]
-    record = {
-        **_residuals(found.residual, found.orientation_residual),
-        "iterations": found.iterations,
-        "milliseconds": milliseconds,
-        "prior_distance": found.prior_distance.max(),
-        "frames": frames,
-    }
-    return found.vertices, record
+    record.add(found)
+    return found.vertices, record.told()
 
 
-def _tracks(
+def stored_sequence(
+    model: DeformationModel,
     handles: io.HandleFile,
-) -> tuple[list[int | deformer.SurfacePoint], NDArray, NDArray, NDArray, NDArray, NDArray]:
-    """Points H with a handle in any frame, targets (F, H, 3), weights (F, H), exact ones (F, H).
+    options: Options,
+    *,
+    workspace: deformer.Workspace,
+    checkpoint: Path | None,
+    frames: bool,
+    progress: Callable[[int, int], None],
+) -> tuple[deformer.MeshSequence | deformer.StoredShapes, dict[str, Any]]:
+    """`sequence` within a limit of memory: the shapes, and the fit's record.
 
-    The weight is 0 where a frame has no handle at a point. Last come orientations (F, H, 3, 3),
-    NaN for none, and their weights (H,), those of the last frames that have one.
+    Args:
+        model, handles, options: as in `sequence`.
+        workspace: where arrays are.
+        checkpoint: folder of windows that are fitted, or None.
+        frames: true for a record with `frames`, which takes memory for each.
+        progress: called with the frames that are fitted, and all frames.
     """
-    points = list(dict.fromkeys(handle.vertex for frame in handles.frames for handle in frame))
-    column = {point: h for h, point in enumerate(points)}
-    targets = np.zeros((len(handles.frames), len(points), 3))
-    weights, exact = np.zeros(targets.shape[:2]), np.zeros(targets.shape[:2], dtype=bool)
-    turns, factors = np.full((*targets.shape[:2], 3, 3), np.nan), np.ones(len(points))
-    for f, frame in enumerate(handles.frames):
-        for handle in frame:
-            h = column[handle.vertex]
-            targets[f, h], weights[f, h] = handle.position, handle.weight
-            exact[f, h] = handle.kind != "soft"
-            if handle.orientation is not None:
-                turns[f, h], factors[h] = handle.orientation, handle.orientation_weight
-    return points, targets, weights, exact, turns, factors
+    reference, F = model.reference, len(handles.frames)
+    record, done = _Record(frames), 0
+    tracks = io.handle_tracks(handles.frames, workspace)
+    parts = deformer.fit_sequence_parts(
+        model,
+        **_arguments(model, handles, tracks, options, progress),
+        checkpoint=checkpoint,
+        workspace=workspace,
+    )
+    vertices = workspace.doubles((F, len(reference.vertices), 3))
+    for part in parts:
+        vertices[done : done + len(part.vertices)] = part.vertices
+        done += len(part.vertices)
+        record.add(part)
+    if isinstance(vertices, np.ndarray):
+        vertices.setflags(write=False)  # else it would be copied
+        return deformer.MeshSequence(vertices, reference.faces), record.told()
+    return deformer.StoredShapes(vertices, reference.faces), record.told()
+
+
+def _arguments(
+    model: DeformationModel,
+    handles: io.HandleFile,
+    tracks: io.HandleTracks,
+    options: Options,
+    progress: Callable[[int, int], None],
+) -> dict[str, Any]:
+    """Arguments of `fit_sequence` and of `fit_sequence_parts`, but the model."""
+    prior, noise, smoothness = handles.prior, options.noise, options.smoothness
+    told = _SMOOTHNESS if handles.smoothness is None else handles.smoothness
+    return {
+        "vertices": tracks.points,
+        "targets": tracks.targets,
+        "weights": tracks.weights,
+        "hard": True if options.hard else tracks.hard,
+        "orientations": tracks.orientations,
+        "orientation_weights": tracks.orientation_weights,
+        "gaps": tracks.gaps,
+        "floor": None if handles.floor is None else deformer.Floor.at(model, handles.floor),
+        "smoothness": told if smoothness is None else smoothness,
+        "noise": prior.noise
+        if noise is None
+        else deformer.target_noise(model, noise, sequence=True),
+        "mean": prior.mean if prior.means is None else prior.means,
+        "freedom": prior.body or "moves",
+        "relaxation": _RELAXATION if handles.relaxation is None else handles.relaxation,
+        "device": options.device,
+        "backend": options.backend,
+        "on_progress": progress,
+    }
+
+
+class _Record:
+    """The record of a sequence's fit, made of its parts.
+
+    Args:
+        frames: true to have a record of each frame, too.
+    """
+
+    def __init__(self, frames: bool) -> None:
+        """Start the time."""
+        self._begun = time.perf_counter()
+        self._frames: list[dict[str, Any]] | None = [] if frames else None
+        self._distances, self._angles = _Errors(), _Errors()
+        self._iterations, self._prior_distance = 0, 0.0
+
+    def add(self, part: deformer.SequenceFit) -> None:
+        """Add frames."""
+        self._distances.add(part.residual)
+        self._angles.add(part.orientation_residual)
+        self._iterations += part.iterations
+        self._prior_distance = max(self._prior_distance, float(part.prior_distance.max()))
+        if self._frames is not None:
+            columns = part.z, part.residual, part.orientation_residual, part.prior_distance
+            self._frames += [
+                {"z": z, **_residuals(residual, angles), "prior_distance": distance}
+                for z, residual, angles, distance in zip(*columns, strict=True)
+            ]
+
+    def told(self) -> dict[str, Any]:
+        """The record."""
+        return {
+            **_summaries(self._distances, self._angles),
+            "iterations": self._iterations,
+            "milliseconds": 1000.0 * (time.perf_counter() - self._begun),
+            "prior_distance": self._prior_distance,
+            **({} if self._frames is None else {"frames": self._frames}),
+        }
+
+
+class _Errors:
+    """Root mean square and largest of errors that are added, without those that are NaN."""
+
+    def __init__(self) -> None:
+        """Start without any."""
+        self._squares, self._count, self.largest = 0.0, 0, 0.0
+
+    def add(self, errors: NDArray) -> None:
+        """Add errors."""
+        seen = errors[~np.isnan(errors)]
+        if len(seen):
+            self._squares += float((seen**2).sum())
+            self._count += len(seen)
+            self.largest = max(self.largest, float(seen.max()))
+
+    @property
+    def rms(self) -> float | None:
+        """The root mean square; None without errors."""
+        return math.sqrt(self._squares / self._count) if self._count else None
 
 
 def _residuals(distances: NDArray, angles: NDArray) -> dict[str, float | None]:
@@ -154,14 +314,18 @@ def _residuals(distances: NDArray, angles: NDArray) -> dict[str, float | None]:
     They are None for a frame in which no handle is seen. The same of angles follows, NaN for a
     handle without an orientation, if there are any.
     """
-    seen, turned = distances[~np.isnan(distances)], angles[~np.isnan(angles)]
-    found: dict[str, float | None] = {"residual_rms": None, "max_residual": None}
-    if len(seen):
-        found = {"residual_rms": _rms(seen), "max_residual": float(seen.max())}
-    if len(turned):
-        found |= {"orientation_rms": _rms(turned), "max_orientation": float(turned.max())}
+    summaries = _Errors(), _Errors()
+    for summary, errors in zip(summaries, (distances, angles), strict=True):
+        summary.add(errors)
+    return _summaries(*summaries)
+
+
+def _summaries(distances: _Errors, angles: _Errors) -> dict[str, float | None]:
+    seen = distances.rms is not None
+    found = {
+        "residual_rms": distances.rms,
+        "max_residual": distances.largest if seen else None,
+    }
+    if angles.rms is not None:
+        found |= {"orientation_rms": angles.rms, "max_orientation": angles.largest}
     return found
-
-
-def _rms(values: NDArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))

@@ -23,20 +23,24 @@ from deformer_app.cli.arguments import (
     MOST_EPOCHS,
     MOST_SEED,
     Bare,
+    Cache,
     Clip,
     ClipName,
+    Cluster,
     Fps,
     Json,
+    Memory,
     OutputFps,
     Reference,
     Shapes,
     Tolerance,
+    bytes_of,
     examples,
     refuse_inputs,
 )
 
 if TYPE_CHECKING:
-    from deformer import DeformationModel, MeshSequence
+    from deformer import DeformationModel
 
 
 app = typer.Typer(
@@ -114,16 +118,20 @@ def check(
     reference: Reference = None,
     fps: Fps = None,
     clip: Clip = None,
+    memory: Memory = None,
+    cache: Cache = None,
     as_json: Json = False,
 ) -> None:
     """Examine example shapes before training: what they hold, what is wrong with them.
 
     Exits with 1 if they, or their repaired copies, cannot be trained on.
     """
+    import deformer
     from deformer_app.cli import check as checking
 
     refuse_inputs(report, shapes)
-    result = checking.run(shapes, fix, report, reference, fps, clip)
+    workspace = deformer.Workspace(bytes_of(memory), cache)
+    result = checking.run(shapes, fix, report, reference, fps, clip, workspace)
     if as_json:
         console.emit(result)
     else:
@@ -136,6 +144,8 @@ def check(
     epilog=examples(
         "deformer train walk/ -o walk-model --components 20",
         "deformer train walk/ -o walk-model --resume",
+        "deformer train frames.npz -o walk-model --memory 4GB",
+        "deformer train walk/ -o walk-model --cluster tcp://10.0.0.1:8786",
     )
 )
 def train(
@@ -176,6 +186,9 @@ def train(
     reference: Reference = None,
     fps: Fps = None,
     clip: Clip = None,
+    memory: Memory = None,
+    cache: Cache = None,
+    cluster: Cluster = None,
     as_json: Json = False,
 ) -> None:
     """Learn a model from example shapes.
@@ -188,7 +201,10 @@ def train(
     from deformer_app.cli import rebuilding, training_guards as guards
     from deformer_app.cli.check import shape_names
 
+    if deformer.assist_training():
+        return
     refuse_inputs(output, shapes, split)
+    limit = bytes_of(memory)
     options: dict[str, Any] = {
         "components": components,
         "config": config.value,
@@ -200,10 +216,14 @@ def train(
         guards.outputs(output, options if resume else None) as checkpoint,
         guards.kept_if_cut_short(checkpoint),
     ):
-        sequence = _load_shapes(shapes, fps, clip)
+        workspace = deformer.Workspace(limit, cache or checkpoint.absolute().parent)
+        with console.progress("loading") as progress:
+            sequence = deformer.load_shapes(
+                shapes, progress, fps=fps, clip=clip, workspace=workspace
+            )
         chosen = None
         if reference is not None:
-            sequence, chosen = io.with_reference(sequence, reference)
+            sequence, chosen = io.with_reference(sequence, reference, workspace)
         advice = guards.refuse_unusable(shapes, sequence)
         parts = io.load_split(split, len(sequence)) if split else None
         with console.training_progress() as report:
@@ -217,6 +237,8 @@ def train(
                 document=deformer.load_document(shapes),
                 checkpoint=checkpoint,
                 resume=resume,
+                workspace=workspace,
+                cluster=cluster,
                 on_progress=report,
             )
         try:
@@ -273,6 +295,7 @@ def info(
         "deformer fit humanoid handles.json -o pose.ply",
         "deformer fit walk-model frames.json -o poses.npz --hard",
         "deformer fit walk-model frames.json -o walk.glb --fps 30",
+        "deformer fit walk-model takes/*.json -o clips --cluster local:4",
         "deformer fit --session edited.json -o pose.ply",
     )
 )
@@ -291,14 +314,15 @@ def fit(
         typer.Argument(metavar="MODEL", help=MODEL_HELP, show_default=False),
     ] = None,
     handles: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Argument(
-            metavar="HANDLES",
+            metavar="HANDLES...",
             help='JSON {"handles": \\[{"vertex": 17, "position": \\[x, y, z]}, …]}, or {"frames": '
             '\\[\\[…handles…], …]} for a sequence. Optional: "weight"; "kind", "soft", "exact" or '
             '"pin"; "face" with "barycentric" in place of "vertex"; "offset" along the normal; '
             '"orientation" \\[w, x, y, z], of the surface relative to the reference. Beside them '
-            '"noise", as --noise.',
+            '"noise", as --noise. Of several files each has a result of its name in the directory '
+            "OUTPUT.",
             show_default=False,
         ),
     ] = None,
@@ -320,9 +344,13 @@ def fit(
         ),
     ] = None,
     smoothness: Annotated[
-        float,
-        typer.Option(min=0, help="Of sequences: weight of accelerations; 0 fits frame by frame."),
-    ] = 10.0,
+        float | None,
+        typer.Option(
+            min=0,
+            help="Of sequences: weight of accelerations; 0 fits frame by frame.  "
+            "\\[default: what HANDLES says, or 10]",
+        ),
+    ] = None,
     device: Annotated[str, typer.Option(help="Of sequences: cpu, cuda, mps or auto.")] = "cpu",
     backend: Annotated[
         str | None,
@@ -334,53 +362,68 @@ def fit(
     fps: OutputFps = 24.0,
     tolerance: Tolerance = 1e-3,
     name: ClipName = None,
+    suffix: Annotated[
+        str, typer.Option("--format", help="Of several HANDLES: format of the results.")
+    ] = "glb",
+    cluster: Cluster = None,
+    memory: Memory = None,
+    cache: Cache = None,
     as_json: Json = False,
 ) -> None:
     """Pose a model by handles: where a few points of its surface should be.
 
-    A sequence is fitted as a whole, without jitter; its frames may have different handles.
+    A sequence is fitted as a whole, without jitter; its frames may have different handles. It need
+    not fit in memory. What is fitted of a long one is kept in OUTPUT.windows: if the command is
+    interrupted or killed, the same command goes on.
     """
     import deformer
-    from deformer import io
     from deformer_app.cli import fit as fitting, outputs
 
-    refuse_inputs(output, model, handles, session)
+    refuse_inputs(output, model, *(handles or ()), session)
     if noise is not None and (hard or session is not None):
         other = "--hard, which meets every handle exactly" if hard else "--session"
         raise deformer.InputError(f"--noise: got it with {other}; give one of them")
     if session is not None:
         _fit_session(session, model, handles, output, bare, as_json)
         return
-    if model is None or handles is None:
+    if model is None or not handles:
         raise deformer.InputError(
             "fit: expected MODEL and HANDLES, or --session FILE; see deformer fit --help"
         )
+    timing = outputs.Timing(fps, tolerance, name)
+    if len(handles) > 1 or cluster is not None:
+        from deformer_app.cli import many_fits
+
+        options = fitting.Options(hard, noise, smoothness, device, backend)
+        with console.progress("fitting") as report:
+            result = many_fits.run(
+                model, handles, output, suffix, options, bare, timing, cluster, report
+            )
+        if as_json:
+            console.emit(result)
+        else:
+            many_fits.show(result)
+        return
     loaded = deformer.load_model(model)
-    reference = loaded.reference
-    file = io.load_handles(handles, len(reference.vertices), reference.faces)
+    workspace = deformer.Workspace(bytes_of(memory), cache or outputs.folder_beside(output))
+    file = fitting.handles_of(loaded, handles[0], workspace)
     outputs.check_output(output, file.is_sequence)
     noise = fitting.chosen_noise(noise, file)
     if file.is_sequence:
-        with io.locked(output), console.progress("fitting") as report:
-            vertices, result = fitting.sequence(
-                loaded,
-                file,
-                hard=hard,
-                noise=noise,
-                smoothness=smoothness,
-                device=device,
-                backend=backend,
-                progress=report,
-            )
-            timing = outputs.Timing(fps, tolerance, name)
-            result |= outputs.save(output, loaded, vertices, bare, timing)
+        from deformer_app.cli import long_fits
+
+        options = fitting.Options(hard, noise, smoothness, device, backend)
+        result = long_fits.run(loaded, file, output, options, workspace, bare, timing, as_json)
     else:
         vertices, result = fitting.pose(loaded, file, hard, noise)
         outputs.save(output, loaded, vertices, bare)
+    turned = fitting.axis_warning(loaded, file)
     if as_json:
-        warning = fitting.unit_warning(loaded, file)
+        warning = turned or fitting.unit_warning(loaded, file)
         console.emit({**result, "warning": warning, "output": str(output)})
         return
+    if turned:
+        console.note(turned)
     hidden = ("z", "frames")
     facts = {name: value for name, value in result.items() if name not in hidden}
     console.show_facts(str(output), {"frames": len(file.frames), **facts})
@@ -389,6 +432,7 @@ def fit(
 @app.command(
     epilog=examples(
         "deformer edit",
+        "deformer edit humanoid",
         "deformer edit walk-model",
         "deformer edit --session pose.json",
     )
@@ -396,12 +440,15 @@ def fit(
 def edit(
     model: Annotated[
         str | None,
-        typer.Argument(metavar="[MODEL]", help=f"{MODEL_HELP} The shipped humanoid if absent."),
+        typer.Argument(metavar="[MODEL]", help=f"{MODEL_HELP} The start page if absent."),
     ] = None,
     session: Annotated[Path | None, typer.Option(help="A saved session to go on with.")] = None,
     plain: Annotated[
         bool,
-        typer.Option("--plain", help="A bare window without menus; needs no Qt."),
+        typer.Option(
+            "--plain",
+            help="A bare window without menus, of humanoid if no MODEL is named; needs no Qt.",
+        ),
     ] = False,
     as_json: Json = False,
 ) -> None:
@@ -425,7 +472,8 @@ def edit(
         if plain:
             from deformer_app.viewer.plain import PlainWindow
 
-            edited = PlainWindow(*opened, session).run()
+            named, saved = opened
+            edited = PlainWindow(named or "humanoid", saved, session).run()
         else:
             try:
                 from deformer_app.viewer.qt.start import run_editor
@@ -471,7 +519,12 @@ def demo(
 
 
 def _fit_session(
-    path: Path, model: str | None, handles: Path | None, output: Path, bare: bool, as_json: bool
+    path: Path,
+    model: str | None,
+    handles: list[Path] | None,
+    output: Path,
+    bare: bool,
+    as_json: bool,
 ) -> None:
     """Write the pose that a session shows."""
     import deformer
@@ -479,8 +532,8 @@ def _fit_session(
     from deformer_app.viewer import pose_worker as posing
     from deformer_app.viewer.session import Session
 
-    if handles is not None:
-        raise deformer.InputError(f"fit: got both {handles} and --session; give one of them")
+    if handles:
+        raise deformer.InputError(f"fit: got both {handles[0]} and --session; give one of them")
     outputs.check_output(output, is_sequence=False)
     session = Session.load(path)
     refuse_inputs(output, session.model.path)
@@ -493,13 +546,6 @@ def _fit_session(
         console.emit({**result, "output": str(output)})
     else:
         console.show_facts(str(output), {k: v for k, v in result.items() if k != "z"})
-
-
-def _load_shapes(path: Path, fps: float | None, clip: str | None) -> MeshSequence:
-    import deformer
-
-    with console.progress("loading") as report:
-        return deformer.load_shapes(path, report, fps=fps, clip=clip)
 
 
 def _describe(model: DeformationModel) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +28,15 @@ class Timing:
 def is_sequence_file(path: Path) -> bool:
     """True if a suffix names a format of sequences; without one it is a directory."""
     return path.suffix.lower() in deformer.SEQUENCE_SUFFIXES
+
+
+def folder_beside(path: Path) -> Path | None:
+    """The folder of an output, for temporary files; None if there is none, or it is read-only.
+
+    The output itself is checked by `check_output`, once its kind is known.
+    """
+    folder = path.absolute().parent
+    return folder if folder.is_dir() and os.access(folder, os.W_OK) else None
 
 
 def check_output(path: Path, is_sequence: bool) -> None:
@@ -76,15 +86,26 @@ def save(
         deformer.save_mesh(path, deformer.Mesh(vertices, faces), like=like, up=up)
         _name_libraries(path, like)
         return {}
+    return save_sequence(path, model, deformer.MeshSequence(vertices, faces), bare, timing)
+
+
+def save_sequence(
+    path: Path,
+    model: DeformationModel,
+    shapes: deformer.MeshSequence | deformer.StoredShapes,
+    bare: bool,
+    timing: Timing | None = None,
+) -> dict[str, Any]:
+    """Write a sequence, wherever it is, as the suffix says; arguments and result as of `save`."""
     given = timing or Timing()
     saved = deformer.save_shapes(
         path,
-        deformer.MeshSequence(vertices, faces),
-        like=like,
+        shapes,
+        like=None if bare else model,
         fps=given.fps,
         tolerance=given.tolerance,
         name=given.name,
-        up=up,
+        up=model.up,
     )
     found: dict[str, Any] = {"files": [str(file) for file in saved.files]}
     if saved.targets is not None:

@@ -26,6 +26,7 @@ from deformer_app.cli import outputs
 from deformer_app.cli.arguments import MOST_SHAPES, words
 from deformer_app.cli.folders import output_folder
 from deformer_app.rendering.animation import save_animation, side_by_side, there_and_back
+from deformer_app.rendering.framing import trimmed
 from deformer_app.rendering.offscreen import contact_sheet
 from deformer_app.rendering.sheets import draw, save_sheet, sheet
 
@@ -90,7 +91,7 @@ def _one_shape(request: Request, space: BlendSpace) -> dict[str, Any]:
         "output": str(request.output),
         "space": space,
         "z": z,
-        "familiarity": deformer.Familiarity(model).distance(z),
+        "off_data": deformer.Familiarity(model).percentile(z),
     }
 
 
@@ -166,7 +167,7 @@ def encode(
         "e_rms_aligned": deformer.e_rms(vertices, found, "rigid"),
         "e_rms_of_encoder": deformer.e_rms(vertices, model.decode(model.encode(vertices))),
         "largest_distance": float(vertex_errors(vertices, found).max()),
-        "familiarity": deformer.Familiarity(model).distance(z),
+        "off_data": deformer.Familiarity(model).percentile(z),
     }
     if output is None:
         return result
@@ -359,17 +360,17 @@ def _random_shapes(
     model, goal = _models(request)
     codes, shapes = _drawn(request, model, goal)
     familiarity = deformer.Familiarity(model)
-    distances = [familiarity.distance(z) for z in codes]
+    off_data = [familiarity.percentile(z) for z in codes]
     output, faces = request.output, goal.reference.faces
     io.save_shapes(folder / "shapes.npz", MeshSequence(shapes, faces))
     pictures = draw({"": shapes}, faces, _up(goal), progress)[""]
-    titles = [f"{n}: {distance:.2f} from examples" for n, distance in enumerate(distances)]
+    titles = [f"{n}: {percentile:.0f} % off data" for n, percentile in enumerate(off_data)]
     columns = min(len(pictures), 6)
-    save_sheet(folder / "sheet.png", contact_sheet(pictures, columns, titles))
+    save_sheet(folder / "sheet.png", contact_sheet(trimmed(pictures), columns, titles))
     return {
         "output": str(output),
         "codes": codes,
-        "familiarity": distances,
+        "off_data": off_data,
         "files": _files(output, "shapes.npz", "sheet.png"),
     }
 

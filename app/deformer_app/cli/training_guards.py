@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import deformer
-from deformer import InputError, MeshSequence, io
+from deformer import InputError, MeshSequence, StoredShapes, io
 from deformer_app import console
+from deformer_app.mistakes import system_mistake
 
 
-def refuse_unusable(path: Path, shapes: MeshSequence) -> list[str]:
+def refuse_unusable(path: Path, shapes: MeshSequence | StoredShapes) -> list[str]:
     """Print warnings of `examine`; raise InputError if it finds an error.
 
     Returns:
@@ -75,7 +76,7 @@ def kept_if_cut_short(checkpoint: Path) -> Iterator[None]:
     except OSError as error:
         if not deformer.has_checkpoint(checkpoint):
             raise
-        raise InputError(f"{console.system_mistake(error)}; {how_to_go_on(checkpoint)}") from error
+        raise InputError(f"{system_mistake(error)}; {how_to_go_on(checkpoint)}") from error
 
 
 def how_to_go_on(checkpoint: Path) -> str:

@@ -1,4 +1,4 @@
-"""A perspective camera as plain numbers: aim, motion, projection to pixels and back."""
+"""A camera as plain numbers: aim, motion, projection to pixels and back."""
 
 from __future__ import annotations
 
@@ -23,19 +23,54 @@ def _unit(vector: ArrayLike) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Camera:
-    """A perspective camera.
+    """A perspective or orthographic camera.
+
+    The eye of an orthographic camera is where its depths count from; nothing hides behind it.
 
     Args:
         position: position of the eye, in the data's units.
         focal: point that the centre of the image shows.
         up: direction that is up in the image; need not be perpendicular to the view.
         view_angle: full vertical field of view, in degrees.
+        height: height of the image in the data's units, of an orthographic camera; None makes the
+            camera a perspective one.
     """
 
     position: Vector
     focal: Vector
     up: Vector
     view_angle: float = 25.0
+    height: float | None = None
+
+    @property
+    def is_orthographic(self) -> bool:
+        """True if lines of sight are parallel."""
+        return self.height is not None
+
+    @property
+    def distance(self) -> float:
+        """Distance from the eye to the focal point."""
+        return float(np.sqrt((np.subtract(self.position, self.focal) ** 2).sum()))
+
+    def orthographic(self) -> Camera:
+        """Return the orthographic camera that shows what is at the focal point's depth alike."""
+        return replace(self, height=float(self._heights(self.distance)))
+
+    def perspective(self) -> Camera:
+        """Return the perspective camera that shows what is at the focal point's depth alike.
+
+        Its focal point and direction are the same; its eye has the distance that this takes.
+        """
+        if self.height is None:
+            return self
+        away = self.height / (2 * np.tan(np.radians(self.view_angle) / 2)) * self.axes()[2]
+        return replace(self, position=_vector(self.focal + away), height=None)
+
+    def _heights(self, depths: ArrayLike) -> NDArray[np.float64]:
+        """Return the heights of the image at depths, in the data's units."""
+        if self.height is not None:
+            return np.full(np.shape(depths), self.height)
+        return 2 * np.tan(np.radians(self.view_angle) / 2) * np.asarray(depths, dtype=np.float64)
 
     def axes(self) -> NDArray[np.float64]:
         """Return unit rows (3, 3): right, up, and backward (from the focal point to the eye)."""
@@ -50,9 +85,14 @@ class Camera:
         """
         width, height = size
         local = (np.asarray(points, dtype=np.float64) - self.position) @ self.axes().T
-        scale = 0.5 * height / np.tan(np.radians(self.view_angle) / 2)
-        xy = scale * local[:, :2] / -local[:, 2:]
+        xy = height * local[:, :2] / self._heights(-local[:, 2:])
         return np.stack([width / 2 + xy[:, 0], height / 2 - xy[:, 1]], axis=1)
+
+    def sight(self, point: ArrayLike) -> NDArray[np.float64]:
+        """Return the unit direction (3,) in which a point (3,) is seen."""
+        if self.is_orthographic:
+            return -self.axes()[2]
+        return _unit(np.subtract(point, self.position))
 
     def depths(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the depths (N,) of `points` (N, 3) along the view, negative behind the eye."""
@@ -62,10 +102,12 @@ class Camera:
         """Return the line of sight through a pixel (2,) of an image of `size` (width, height)."""
         width, height = size
         x, y = np.asarray(pixel, dtype=np.float64)
-        tangent = 2 * np.tan(np.radians(self.view_angle) / 2) / height
         right, up, backward = self.axes()
-        direction = tangent * ((x - width / 2) * right + (height / 2 - y) * up) - backward
-        return Ray(np.asarray(self.position, dtype=np.float64), direction)
+        aside = self._heights(1.0) / height * ((x - width / 2) * right + (height / 2 - y) * up)
+        eye = np.asarray(self.position, dtype=np.float64)
+        if self.is_orthographic:
+            return Ray(eye + aside, -backward, endless=True)
+        return Ray(eye, aside - backward)
 
     def unproject(
         self, pixel: ArrayLike, depth: float, size: tuple[int, int]
@@ -77,8 +119,37 @@ class Camera:
 
     def pixel_size(self, point: ArrayLike, size: tuple[int, int]) -> float:
         """Return the length that one pixel spans at the depth of `point` (3,)."""
-        depth = max(float(self.depths(np.reshape(point, (1, 3)))[0]), 1e-9)
-        return depth * 2 * float(np.tan(np.radians(self.view_angle) / 2)) / size[1]
+        return float(self._pixel_sizes(np.reshape(point, (1, 3)), size)[0])
+
+    def _pixel_sizes(self, points: ArrayLike, size: tuple[int, int]) -> NDArray[np.float64]:
+        return self._heights(np.maximum(self.depths(points), 1e-9)) / size[1]
+
+    def raised(
+        self, points: ArrayLike, pixels: float, size: tuple[int, int]
+    ) -> NDArray[np.float64]:
+        """Return points (N, 3) moved towards the viewer, each along its line of sight.
+
+        Args:
+            points: (N, 3).
+            pixels: how far they move, in lengths of a pixel at their depths.
+            size: width and height of the image.
+        """
+        far = np.asarray(points, dtype=np.float64)
+        step = pixels * self._pixel_sizes(far, size)[:, None]
+        if self.is_orthographic:
+            return far + step * self.axes()[2]
+        sight = self.position - far
+        return far + step * sight / np.sqrt((sight**2).sum(axis=1, keepdims=True))
+
+    def seen_from(self, backward: ArrayLike, up: ArrayLike) -> Camera:
+        """Return the camera turned about its focal point to look along a direction.
+
+        Args:
+            backward: (3,) from the focal point to the eye.
+            up: (3,) direction that is up in the image.
+        """
+        eye = self.focal + self.distance * _unit(backward)
+        return replace(self, position=_vector(eye), up=_vector(_unit(up)))
 
     def orbited(self, right: float, down: float, sky: ArrayLike) -> Camera:
         """Return the camera turned about its focal point as on a turntable.
@@ -102,8 +173,7 @@ class Camera:
             np.cos(turn) * side - np.sin(turn) * front,
         )
         rise = np.radians(np.clip(elevation + down, -89.0, 89.0))
-        distance = np.sqrt((offset**2).sum())
-        eye = self.focal + distance * (np.cos(rise) * front + np.sin(rise) * up)
+        eye = self.focal + self.distance * (np.cos(rise) * front + np.sin(rise) * up)
         return replace(self, position=_vector(eye), up=_vector(up))
 
     def panned(self, right: float, down: float, size: tuple[int, int]) -> Camera:
@@ -116,14 +186,48 @@ class Camera:
             focal=_vector(self.focal + shift),
         )
 
-    def zoomed(self, factor: float, pixel: ArrayLike, size: tuple[int, int]) -> Camera:
-        """Return the camera nearer by `factor` (below 1: farther); the point at `pixel` stays."""
-        distance = np.sqrt((np.subtract(self.position, self.focal) ** 2).sum())
-        anchor = self.unproject(pixel, float(distance), size)
+    def zoomed(
+        self,
+        factor: float,
+        pixel: ArrayLike,
+        size: tuple[int, int],
+        depth: float | None = None,
+    ) -> Camera:
+        """Return the camera nearer by `factor` (below 1: farther).
+
+        Args:
+            factor: by which things at `depth` become larger.
+            pixel: (2,) of the point that stays where it is seen.
+            size: width and height of the image.
+            depth: of that point along the view, above 0 of a perspective camera; by default, that
+                of the focal point. The new camera's focal point has the same depth as the point
+                that stays.
+        """
+        if depth is None:
+            depth = self.distance
+        anchor = self.unproject(pixel, depth, size)
+        eye = anchor + (self.position - anchor) / factor
+        focal = eye - depth / factor * self.axes()[2]
+        if self.height is None:
+            return replace(self, position=_vector(eye), focal=_vector(focal))
+        # Of parallel lines of sight the eye's depth means nothing; the point may lie behind it.
+        away = self.distance / factor * self.axes()[2]
         return replace(
             self,
-            position=_vector(anchor + (self.position - anchor) / factor),
-            focal=_vector(anchor + (self.focal - anchor) / factor),
+            height=self.height / factor,
+            position=_vector(focal + away),
+            focal=_vector(focal),
+        )
+
+    def holding(
+        self, point: ArrayLike, pixel: ArrayLike, depth: float, size: tuple[int, int]
+    ) -> Camera:
+        """Return the camera, moved without a turn, that sees `point` (3,) at a pixel and depth."""
+        shift = np.asarray(point, dtype=np.float64) - self.unproject(pixel, depth, size)
+        return replace(
+            self,
+            position=_vector(self.position + shift),
+            focal=_vector(self.focal + shift),
         )
 
 
@@ -145,10 +249,11 @@ def turntable(camera: Camera, count: int, sky: ArrayLike) -> list[Camera]:
 
 @dataclass(frozen=True, eq=False)
 class Ray:
-    """A half-line: `origin` (3,) and `direction` (3,) of any length."""
+    """A half-line: `origin` (3,) and `direction` (3,) of any length; a whole line if `endless`."""
 
     origin: NDArray[np.float64]
     direction: NDArray[np.float64]
+    endless: bool = False
 
     def along(self, point: ArrayLike, axis: ArrayLike) -> float | None:
         """Return the position on a line, in units of `axis` from `point`, closest to the ray.
@@ -174,7 +279,7 @@ class Ray:
         if abs(slope) < 1e-3:
             return None
         distance = float(n @ (np.asarray(point) - self.origin)) / slope
-        return self.origin + distance * d if distance > 0 else None
+        return self.origin + distance * d if distance > 0 or self.endless else None
 
 
 def upright_axes(up: str = "y") -> NDArray[np.float64]:
@@ -202,6 +307,7 @@ def aim(
     elevation: float = 10.0,
     aspect: float = 1.0,
     margin: float = 0.08,
+    orthographic: bool = False,
 ) -> Camera:
     """Return a camera that shows all of `vertices` as large as the image allows.
 
@@ -209,9 +315,11 @@ def aim(
         vertices: (..., 3) points to keep in view; several shapes may be stacked.
         up: axis that is up in the image, as for `upright_axes`.
         azimuth: turn about the up axis, in degrees; 0 looks at the front, positive from its left.
-        elevation: height of the eye above the horizon, in degrees.
+        elevation: height of the eye above the horizon, in degrees; from 90 and -90 the front is
+            at the bottom and at the top of the image.
         aspect: width of the image over its height.
         margin: part of the image left empty on each side.
+        orthographic: true for an orthographic camera.
 
     Raises:
         InputError: `up` is not an axis.
@@ -221,20 +329,42 @@ def aim(
     around = np.cos(turn) * front + np.sin(turn) * np.cross(sky, front)
     backward = np.cos(rise) * around + np.sin(rise) * sky
 
+    at_pole = abs(abs(elevation) - 90.0) < 1e-6
+    top = -np.sign(elevation) * around if at_pole else sky
+    view = Camera(_vector(backward), (0.0, 0.0, 0.0), _vector(top))
+    if orthographic:
+        view = view.orthographic()
+    return framed(view, vertices, aspect=aspect, margin=margin)
+
+
+def framed(
+    camera: Camera, vertices: ArrayLike, *, aspect: float = 1.0, margin: float = 0.08
+) -> Camera:
+    """Return the camera moved without a turn, so that it shows `vertices` as large as it can.
+
+    Args:
+        camera: its direction of view and its lens are kept.
+        vertices: (..., 3) points to keep in view.
+        aspect: width of the image over its height.
+        margin: part of the image left empty on each side.
+    """
     points = np.asarray(vertices, dtype=np.float64).reshape(-1, 3)
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    view = Camera(_vector(middle + backward), _vector(middle), _vector(sky))
-    local = (points - middle) @ view.axes().T
+    axes = camera.axes()
+    local = (points - middle) @ axes.T
 
     # With the eye on the axis through the middle of the silhouette, a point at depth z needs the
     # distance z + |y| / tan(half field of view), and likewise for the width.
-    tangent = np.tan(np.radians(view.view_angle) / 2) * (1 - 2 * margin)
+    tangent = np.tan(np.radians(camera.view_angle) / 2) * (1 - 2 * margin)
     shift = (local[:, :2].min(axis=0) + local[:, :2].max(axis=0)) / 2
     flat = np.abs(local[:, :2] - shift)
     reach = np.maximum(flat[:, 0] / aspect, flat[:, 1]) / tangent
-    distance = max(float((local[:, 2] + reach).max()), np.finfo(float).tiny)
-    focal = middle + shift @ view.axes()[:2]
-    return Camera(_vector(focal + distance * backward), _vector(focal), _vector(sky))
+    nearness = 0.0 if camera.is_orthographic else local[:, 2]
+    distance = max(float((nearness + reach).max()), np.finfo(float).tiny)
+    focal = middle + shift @ axes[:2]
+    eye = focal + distance * axes[2]
+    moved = replace(camera, position=_vector(eye), focal=_vector(focal), height=None)
+    return moved.orthographic() if camera.is_orthographic else moved
 
 
 def _vector(array: NDArray) -> Vector:

@@ -143,6 +143,8 @@ def contact_sheet(
 ) -> Picture:
     """Arrange pictures of one size in rows of `columns`, each above its title.
 
+    A title that is wider than the pictures makes room for itself.
+
     Args:
         images: pictures of one size, in reading order.
         columns: pictures a row.
@@ -167,19 +169,20 @@ def contact_sheet(
     strip = 2 * line if titles is not None else 0
     columns = min(max(columns, 1), len(images))
     rows = math.ceil(len(images) / columns)
+    font = ImageFont.load_default(line)
+    cell = max([width, *(math.ceil(font.getlength(title)) for title in titles or ())])
     sheet = Image.new(
         "RGB",
-        (columns * (width + gap) + gap, rows * (height + strip + gap) + gap),
+        (columns * (cell + gap) + gap, rows * (height + strip + gap) + gap),
         background,
     )
     pen = ImageDraw.Draw(sheet)
-    font = ImageFont.load_default(line)
     for index, image in enumerate(images):
         row, column = divmod(index, columns)
-        left, top = gap + column * (width + gap), gap + row * (height + strip + gap)
-        sheet.paste(Image.fromarray(image), (left, top))
+        left, top = gap + column * (cell + gap), gap + row * (height + strip + gap)
+        sheet.paste(Image.fromarray(image), (left + (cell - width) // 2, top))
         if titles is not None:
-            middle = (left + width / 2, top + height + strip / 2)
+            middle = (left + cell / 2, top + height + strip / 2)
             pen.text(middle, titles[index], fill=INK, font=font, anchor="mm")
     return np.asarray(sheet)
 

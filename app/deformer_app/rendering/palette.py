@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Literal
 
 from PIL import ImageColor
 
@@ -18,6 +19,7 @@ HANDLE = "#e8641b"
 PINNED = "#3d4754"
 TARGET = "#1f78d1"
 KINDS = {"soft": HANDLE, "exact": "#c2255c", "pin": "#7048e8"}
+LINKED = "#12b886"  # handles that are posed together
 SELECTED, HOVERED, REGION = "#ffd43b", "#ffa94d", "#f2a65a"
 AXES = {"x": "#e03131", "y": "#2f9e44", "z": "#1c7ed6"}
 
@@ -27,9 +29,17 @@ HEAT = "YlOrRd"  # amounts from zero, which is light, so that shading stays visi
 DIVERGING = "coolwarm"  # signed values about zero
 
 GOOD, FAIR, BAD = "#2f9e44", "#f08c00", "#e03131"  # levels of a measure
-# Backgrounds of notices in the window.
-NOTICE = {"mistake": "#fff3bf", "tour": "#d0ebff", "recording": "#ffe3e3", "waiting": "#e9ecef"}
-NOTICE_INK = "#212529"
+# Bars at the edge of notices in the window.
+NOTICE = {
+    "mistake": "#e03131",
+    "note": TARGET,
+    "tour": "#2f9e44",
+    "recording": "#e03131",
+    "waiting": "#868e96",
+}
+
+
+Tint = Literal["ghost", "earlier", "later"]  # colours of translucent shapes
 
 
 @dataclass(frozen=True)
@@ -42,9 +52,14 @@ class Theme:
         ink: text in the picture.
         clay: the surface.
         ghost: a surface to compare with.
+        earlier, later: surfaces of times before and after the one that is shown.
         edge: edges of faces.
         widgets: colours of widgets by role of Qt's palette.
         disabled: text on disabled widgets.
+        line: borders of widgets and rules between them.
+        muted: text of second rank.
+        raised: widgets under the mouse.
+        accent: what is on or has the keyboard; text upon it is `HighlightedText`.
     """
 
     background: str
@@ -52,9 +67,23 @@ class Theme:
     ink: str
     clay: str
     ghost: str
+    earlier: str
+    later: str
     edge: str
     widgets: tuple[tuple[str, str], ...]
     disabled: str
+    line: str
+    muted: str
+    raised: str
+    accent: str
+
+    def widget(self, role: str) -> str:
+        """Return the colour of a role of Qt's palette."""
+        return dict(self.widgets)[role]
+
+    def tint(self, name: Tint) -> str:
+        """Return the colour of translucent shapes of a kind."""
+        return {"ghost": self.ghost, "earlier": self.earlier, "later": self.later}[name]
 
 
 LIGHT = Theme(
@@ -63,11 +92,17 @@ LIGHT = Theme(
     ink="#2f343b",
     clay=CLAY,
     ghost="#b9aa93",
+    earlier="#d0604a",
+    later="#3f9e6e",
     edge="#6d7a88",
     widgets=(
-        ("Window", "#f1f1ef"),
+        ("Window", "#f3f3f1"),
         ("Base", "#ffffff"),
-        ("Button", "#f7f7f5"),
+        ("AlternateBase", "#f8f8f6"),
+        ("Button", "#fbfbfa"),
+        ("ToolTipBase", "#ffffff"),
+        ("ToolTipText", "#2f343b"),
+        ("PlaceholderText", "#8a9099"),
         ("Highlight", TARGET),
         ("HighlightedText", "#ffffff"),
         ("WindowText", "#2f343b"),
@@ -75,6 +110,10 @@ LIGHT = Theme(
         ("ButtonText", "#2f343b"),
     ),
     disabled="#a5a9af",
+    line="#d3d4d1",
+    muted="#666c75",
+    raised="#e6e8e9",
+    accent=TARGET,
 )
 DARK = Theme(
     background="#23272d",
@@ -82,6 +121,8 @@ DARK = Theme(
     ink="#e8e6e1",
     clay="#aebccb",
     ghost="#8d7f6a",
+    earlier="#d9735d",
+    later="#55b583",
     edge="#3c4650",
     widgets=(
         ("Window", "#2b3037"),
@@ -98,8 +139,13 @@ DARK = Theme(
         ("Light", "#4a525d"),
         ("Dark", "#1b1e22"),
         ("Mid", "#3a414a"),
+        ("PlaceholderText", "#8b929b"),
     ),
     disabled="#7d848d",
+    line="#454c56",
+    muted="#a2a8b0",
+    raised="#424a55",
+    accent="#4a9fe8",
 )
 
 

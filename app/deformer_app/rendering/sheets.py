@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from deformer import Mesh, io
 from deformer_app.rendering.camera import aim
+from deformer_app.rendering.framing import trimmed
 from deformer_app.rendering.offscreen import Picture, contact_sheet, render, save_picture
 
 TILE = (300, 360)  # width and height of a picture
@@ -48,7 +49,10 @@ def draw(
 
 
 def sheet(drawn: Mapping[str, Sequence[Picture]], titles: Mapping[str, Sequence[str]]) -> Picture:
-    """Contact sheet of rows of pictures: at most `COLUMNS` of each, evenly chosen, with titles."""
+    """Contact sheet of rows of pictures: at most `COLUMNS` of each, evenly chosen, with titles.
+
+    Cells are as large as what they show; all have one scale.
+    """
     count = max(len(row) for row in drawn.values())
     columns = min(count, COLUMNS)
     pictures, captions = [], []
@@ -56,7 +60,7 @@ def sheet(drawn: Mapping[str, Sequence[Picture]], titles: Mapping[str, Sequence[
         shown = np.linspace(0, len(row) - 1, columns).round().astype(int)
         pictures += [row[n] for n in shown]
         captions += [titles[label][n] for n in shown]
-    return contact_sheet(pictures, columns, captions)
+    return contact_sheet(trimmed(pictures), columns, captions)
 
 
 def save_sheet(path: Path, picture: Picture) -> None:

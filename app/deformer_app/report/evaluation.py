@@ -79,6 +79,7 @@ def run(
     preset: str | None,
     processes: int,
     progress: Callable[[int, int, str], None],
+    cluster: str | None = None,
 ) -> dict[str, Any]:
     """Measure, and write results.json, results.csv, run.json and report.html to `output`.
 
@@ -89,6 +90,7 @@ def run(
         preset: "quick", "paper" or None.
         processes: number of trainings at a time.
         progress: called with finished measurements, all measurements, and the current label.
+        cluster: address of a Dask scheduler, or "local:N"; None is no cluster.
 
     Returns:
         Paths of directory and report, numbers of rows and failures, and the seconds taken.
@@ -101,7 +103,7 @@ def run(
     studies = _paper(paths, options) if preset == "paper" else _studies(paths, options, preset)
     output.mkdir(parents=True, exist_ok=True)
     with io.locked(output):
-        rows = evaluation.evaluate(studies, output, processes, progress)
+        rows = evaluation.evaluate(studies, output, processes, progress, cluster=cluster)
         seconds = time.time() - begun
         facts = {
             "command": shlex.join(["deformer", *sys.argv[1:]]),
@@ -113,6 +115,7 @@ def run(
                 "cores": os.cpu_count(),
             },
             "processes": processes,
+            "cluster": cluster,
             "seconds": round(seconds, 1),
             "seeds": sorted({row["seed"] for row in rows}),
             "preset": preset,

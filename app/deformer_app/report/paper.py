@@ -20,7 +20,7 @@ _DATA = {
 
 _NEARNESS = (
     "How near the paper's numbers come depends on the reference shape and the number of steps: "
-    "see docs/prior.md, “The paper's configuration”."
+    "see docs/evidence/results.md, “The paper's configuration”."
 )
 
 

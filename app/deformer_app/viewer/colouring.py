@@ -42,11 +42,9 @@ class Paint:
     diverging: bool = False
 
 
-def component_paint(
-    model: DeformationModel, activations: deformer.Activations, number: int
-) -> Paint:
+def component_paint(activations: deformer.Activations, number: int, label: str) -> Paint:
     """Return the colours of a component's support."""
-    return Paint(activations.support(number), "vertices", model.label(number), (0.0, 1.0))
+    return Paint(activations.support(number), "vertices", label, (0.0, 1.0))
 
 
 class Colouring:
@@ -66,6 +64,7 @@ class Colouring:
         pose: Pose,
         target: NDArray[np.float64] | None = None,
         activations: deformer.Activations | None = None,
+        component_label: str = "",
     ) -> Paint | None:
         """Return the colours of a pose, or None where `name` has none for it (yet).
 
@@ -74,22 +73,23 @@ class Colouring:
             pose: the pose to colour.
             target: vertices (V, 3) from which "error" measures distances.
             activations: supports of the components, for "component:k".
+            component_label: name of component k, for people.
         """
         kind, _, number = name.partition(":")
         reference = self._model.reference
         if kind == "displacement":
             moved = vertex_errors(reference.vertices, pose.vertices)
             limit = max(float(moved.max()), 0.05 * reference.bounding_diagonal)
-            return Paint(moved, "vertices", "displacement", (0.0, limit))
+            return Paint(moved, "vertices", "displacement\n(model units)", (0.0, limit))
         if kind == "stretch":
             signed = self._strain.signed(pose.vertices)
             return Paint(signed, "faces", "stretch (log2)", (-1.0, 1.0), diverging=True)
         if kind == "component" and activations is not None:
-            return component_paint(self._model, activations, int(number))
+            return component_paint(activations, int(number), component_label)
         if kind == "error" and target is not None:
             errors = vertex_errors(target, pose.vertices)
             limit = max(float(np.quantile(errors, 0.99)), 1e-3 * reference.bounding_diagonal)
-            return Paint(errors, "vertices", "distance to target", (0.0, limit))
+            return Paint(errors, "vertices", "distance to target\n(model units)", (0.0, limit))
         return None
 
     def of_uncertainty(self, found: Uncertainty) -> Paint:

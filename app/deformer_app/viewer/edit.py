@@ -9,18 +9,14 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from deformer import BODIES as BODIES, Body as Body
+
 Point = tuple[float, float, float]
 Orientation = tuple[Point, Point, Point]  # a rotation matrix by rows
 Kind = Literal["soft", "exact", "pin"]
 KINDS: tuple[Kind, ...] = ("soft", "exact", "pin")
-Body = Literal["auto", "stays", "moves"]
-BODIES: tuple[Body, ...] = ("auto", "stays", "moves")
 
 NOISE = 0.007  # in bounding diagonals; larger than a marker's, because a hand is less precise
-# Freedom of the rigid motion of a body that stays where it is; see HandleSolver.
-_STAYS = 0.01
-# So many handles fix a body in space; with fewer a drag would move it as a whole.
-_FIXING = 3
 
 
 @dataclass(frozen=True)
@@ -32,11 +28,16 @@ class Handle:
         vertices: the vertices that have targets; one, unless it is a region.
         targets: a point for each of them.
         kind: "soft" (close to its target), "exact" (on it) or "pin" (on it, and drags leave it).
-        weight: of a soft handle.
+        weight: factor on the squared distance of the code's shape from the targets.
         patch: all vertices of a region; empty otherwise.
         orientation: rotation that the surface around a single vertex shall have, relative to the
             reference; None leaves it free.
         orientation_weight: of the orientation of a soft handle, beside `weight`.
+        gaps: for each target the vector to it from where the code's shape is to be, see
+            deformer.Handle; empty for zeros.
+        radius: of a pin of a disc around its first vertex, geodesic, in bounding diagonals; `patch`
+            has the disc's vertices. 0 for all other handles.
+        name: that the user has given; empty for that of its place.
     """
 
     id: int
@@ -47,6 +48,9 @@ class Handle:
     patch: tuple[int, ...] = ()
     orientation: Orientation | None = None
     orientation_weight: float = 1.0
+    gaps: tuple[Point, ...] = ()
+    radius: float = 0.0
+    name: str = ""
 
     @property
     def centre(self) -> Point:
@@ -59,8 +63,15 @@ class Handle:
         return bool(self.patch)
 
     def moved(self, motion: Callable[[ArrayLike], Any]) -> Handle:
-        """Return the handle with its targets moved."""
-        return replace(self, targets=tuple(point(p) for p in motion(np.array(self.targets))))
+        """Return the handle with its targets moved; gaps turn with them."""
+        targets = motion(np.array(self.targets))
+        gaps = motion(np.array(self.targets) + np.array(self.gaps)) - targets if self.gaps else ()
+        return replace(self, targets=points(targets), gaps=points(gaps))
+
+    def at(self, targets: ArrayLike, gaps: ArrayLike = ()) -> Handle:
+        """Return the handle with targets (n, 3), and gaps (n, 3) or none."""
+        gaps = np.asarray(gaps)
+        return replace(self, targets=points(targets), gaps=points(gaps) if gaps.any() else ())
 
     def oriented(self, rotation: ArrayLike) -> Handle:
         """Return the handle with a rotation (3, 3) as its orientation."""
@@ -76,11 +87,18 @@ class Solution:
         z: (K,) latent code.
         rotation: (3,) rotation vector of the rigid motion, in radians.
         translation: (3,) of the rigid motion.
+        final: true if it is the pose at rest; else the solver goes on from it.
     """
 
     z: tuple[float, ...]
     rotation: Point
     translation: Point
+    final: bool = True
+
+    @classmethod
+    def of_code(cls, z: tuple[float, ...]) -> Solution:
+        """The pose of a code alone, which no handle pulls and nothing moves."""
+        return cls(z, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True)
@@ -93,19 +111,15 @@ class Edit:
         noise: expected distance of handles from their targets, in bounding diagonals; small ones
             follow the handles, large ones the prior. See HandleSolver.
         body: whether the body may turn and travel as a whole: "moves", "stays", or "auto", which
-            lets it once three handles fix it in space.
+            yields to strong pulls; see the freedom of HandleSolver.
+        floor: height of the floor along the model's up axis, in the data's units; None without one.
     """
 
     base: tuple[float, ...]
     handles: tuple[Handle, ...] = ()
     noise: float = NOISE
     body: Body = "auto"
-
-    @property
-    def freedom(self) -> float:
-        """Freedom of the rigid motion, see HandleSolver."""
-        free = len(self.handles) >= _FIXING if self.body == "auto" else self.body == "moves"
-        return 1.0 if free else _STAYS
+    floor: float | None = None
 
     def handle(self, number: int) -> Handle:
         """Return the handle with an id."""
@@ -128,16 +142,27 @@ class Edit:
             {
                 "vertices": vertex,
                 "targets": target,
-                "weights": handle.weight if handle.kind == "soft" else 1.0,
+                "weights": handle.weight,
                 "kinds": handle.kind,
                 "orientations": handle.orientation,
                 "orientation_weights": handle.orientation_weight,
+                "gaps": gap,
             }
             for handle in self.handles
-            for vertex, target in zip(handle.vertices, handle.targets, strict=True)
+            for vertex, target, gap in zip(
+                handle.vertices,
+                handle.targets,
+                handle.gaps or [(0.0, 0.0, 0.0)] * len(handle.targets),
+                strict=True,
+            )
         ]
         names = ("vertices", "targets", "weights", "kinds", "orientations", "orientation_weights")
-        return {name: [row[name] for row in rows] for name in names}
+        return {name: [row[name] for row in rows] for name in (*names, "gaps")}
+
+
+def points(values: Any) -> tuple[Point, ...]:
+    """Return points (n, 3) as tuples of floats."""
+    return tuple(point(value) for value in values)
 
 
 def point(values: Any) -> Point:

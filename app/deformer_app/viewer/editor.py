@@ -1,5 +1,6 @@
-"""The editor: commands on a model, its handles, components, history and picture.
+"""The editor: a model, its session with the history, and the picture of its pose.
 
+Commands on handles, prior, mirror and picture are classes of their own, which get the editor.
 A shell (a plain window, the Qt window, a test) feeds events to `controller`, calls `tick` when
 there is time, and listens to `on_change`.
 """
@@ -8,47 +9,52 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 import deformer
-from deformer import Activations, DeformationModel
-from deformer_app.viewer import handle_changes
+from deformer import Activations, ComponentRegion, DeformationModel
 from deformer_app.viewer.changes import (
     Change,
+    ComponentsNamed,
     HandlesChanged,
-    HandlesDragged,
     HistoryChanged,
     MistakeMade,
+    ModelClosed,
     ModelOpened,
     NoticeGiven,
+    StepShown,
 )
-from deformer_app.viewer.colouring import component_paint
 from deformer_app.viewer.controller import Controller
-from deformer_app.viewer.edit import Body, Edit, Handle, Kind, point
-from deformer_app.viewer.gizmo import Motion
-from deformer_app.viewer.mirror_plane import MirrorPlane
-from deformer_app.viewer.model_files import start_codes, stored_name
+from deformer_app.viewer.edit import Edit, Solution
+from deformer_app.viewer.filming import Filming
+from deformer_app.viewer.floor_plane import FloorPlane
+from deformer_app.viewer.handle_commands import HandleCommands
+from deformer_app.viewer.mirror_commands import MirrorCommands
+from deformer_app.viewer.mirror_marks import MirrorMarks
+from deformer_app.viewer.model_files import of_open_model, start_codes, stored_name
 from deformer_app.viewer.mouse_stage import MouseStage
+from deformer_app.viewer.picture_commands import PictureCommands
+from deformer_app.viewer.pins import Pins
 from deformer_app.viewer.pose_display import PoseDisplay
 from deformer_app.viewer.pose_worker import Answer
+from deformer_app.viewer.prior_commands import PriorCommands
 from deformer_app.viewer.scene import MeshView
 from deformer_app.viewer.session import Entry, ModelName, Session
-from deformer_app.viewer.target import Target, load_alike
+from deformer_app.viewer.timeline.timeline import Timeline
 from deformer_app.viewer.view_state import ViewState
-from deformer_app.viewer.worker import Jobs, in_background
+from deformer_app.viewer.view_storage import restore_view, view_as_json
+from deformer_app.viewer.worker import Jobs
 
 _CLOSING = 5.0  # seconds that closing waits for the last pose
-_SELECT = "Select a handle first: click it, or a row of the list"
 
 
 class Editor:
-    """Commands for one model, its session and the picture of it.
+    """One model with its session, its pose and the picture of it.
 
     Args:
         view: the picture.
@@ -58,13 +64,22 @@ class Editor:
         state: state of the picture apart from the pose.
         stage: queries and commands for the mouse.
         controller: handler of the events of the mouse.
+        handles: selects, places, moves and changes handles.
+        pins: makes pins and changes their size.
+        prior: sets the code to start from, its components, the noise and the body's freedom.
+        mirror: mirrors handles and poses.
+        floor: switches the floor and moves it.
+        picture: frames the shape and changes how it looks.
+        before_drag: state at the beginning of a drag, or of a slide; None until it has begun.
         on_change: called with every change.
+        timeline: keys, playhead and playback of the clip.
+        filming: draws and writes animations.
     """
 
     def __init__(self, view: MeshView, wake: Callable[[], None] = lambda: None) -> None:
         """Start without a model."""
         self.on_change: list[Callable[[Change], Any]] = []
-        self.state = ViewState(view, self._announce, wake)
+        self.state = ViewState(view, self.announce, wake, self.run)
         self.stage = MouseStage(self)
         self.controller = Controller(self.stage)
         self._wake = wake
@@ -72,9 +87,16 @@ class Editor:
         self._model: DeformationModel | None = None
         self._session: Session | None = None
         self._display: PoseDisplay | None = None
-        self._plane: MirrorPlane | None = None
-        self._before_drag: Edit | None = None
-        self._code_before_slide = np.zeros(0)
+        self.handles = HandleCommands(self)
+        self.pins = Pins(self)
+        self.prior = PriorCommands(self)
+        self.mirror = MirrorCommands(self)
+        MirrorMarks(self)
+        self.floor = FloorPlane(self)
+        self.picture = PictureCommands(self)
+        self.before_drag: Edit | None = None
+        self.timeline = Timeline(self)
+        self.filming = Filming(self)
 
     # The model and its session.
 
@@ -86,14 +108,12 @@ class Editor:
     @property
     def model(self) -> DeformationModel:
         """The model that is edited."""
-        assert self._model is not None, "no model is open"
-        return self._model
+        return of_open_model(self._model)
 
     @property
     def session(self) -> Session:
         """The session, with its history."""
-        assert self._session is not None, "no model is open"
-        return self._session
+        return of_open_model(self._session)
 
     @property
     def edit(self) -> Edit:
@@ -112,19 +132,38 @@ class Editor:
         if self._display is not None:
             self._display.close(0.0)
         name = ModelName(stored_name(path), model.fingerprint)
-        self._model, self._plane = model, MirrorPlane(model.reference)
+        if session is not None and session.component_names:
+            try:
+                model = model.with_component_names(session.component_names)
+            except deformer.InputError as error:
+                self.announce(MistakeMade(f"Names of components in the session are lost: {error}"))
+                session.component_names.clear()
+        self._model = model
+        self.mirror.begin(model)
         self._session = session or Session.begin(name, start_codes(model)["Reference"])
-        self._before_drag = None
-        self.stage.clear_region()
+        self._session.model = name  # where it is now
+        self.before_drag = None
+        self.stage.begin(model)
         self._display = PoseDisplay(
-            model, self._session, self.state, self._jobs, self._announce, self._wake
+            model, self._session, self.state, self._jobs, self.announce, self._wake
         )
         self.state.show_model(model)
-        self.state.frame(self.vertices)
-        for text in self.state.restore(self._session.view):
-            self._announce(MistakeMade(text))
-        self._ask(self._session.entry.solution)
-        self._announce(ModelOpened(), HistoryChanged(), HandlesChanged())
+        solution = self._session.entry.solution
+        if solution is not None:
+            self._display.show_stored(solution)
+        self.state.viewpoint.frame(self.vertices)
+        for text in restore_view(self.state, self._session.view):
+            self.announce(MistakeMade(text))
+        self.ask(solution)
+        self.announce(ModelOpened(), HistoryChanged(), HandlesChanged())
+
+    def close_model(self) -> None:
+        """Close the model and its session, also unsaved."""
+        self.close()
+        self._model, self._session, self._display = None, None, None
+        self.mirror.begin(None)
+        self.stage.clear_region()
+        self.announce(ModelClosed())
 
     def open_session(self, path: str | Path, model: str | Path | None = None) -> None:
         """Open a saved session and the model that it belongs to.
@@ -134,23 +173,32 @@ class Editor:
         """
         session = Session.load(path)
         self.open_model(model or session.model.path, session)
-        self._note_units()
+        self.note_units()
 
     def save_session(self, path: str | Path) -> None:
         """Write the session to a file, with the pose of its present state."""
         self.wait_for_pose()
-        self.session.view = self.state.as_json()
+        self.session.view = view_as_json(self.state)
         self.session.save(path)
-        self._announce(HistoryChanged())
+        self.announce(HistoryChanged())
 
-    def write_copy(self, path: str | Path) -> None:
-        """Write the session, as `save_session` does, to a file; it still counts as unsaved."""
-        self.wait_for_pose()
-        self.session.view = self.state.as_json()
+    def write_copy(self, path: str | Path, saved_as: Path | None = None, wait: bool = True) -> None:
+        """Write the session, as `save_session` does, to a file; it still counts as unsaved.
+
+        Args:
+            path: the file.
+            saved_as: where the user has saved the session, for a later start to find; or None.
+            wait: False to write it at once, without a pose that is still being solved.
+        """
+        if wait:
+            self.wait_for_pose()
+        self.session.view = view_as_json(self.state)
+        self.session.saved_as = "" if saved_as is None else str(saved_as.resolve())
         self.session.write_copy(path)
 
     def close(self) -> None:
         """End the solver's thread, with the pose of the present state."""
+        self.timeline.close()
         self.wait_for_pose(_CLOSING)
         if self._display is not None:
             self._display.close()
@@ -163,6 +211,13 @@ class Editor:
         return None if self._display is None else self._display.poses.answer
 
     @property
+    def resting_solution(self) -> Solution | None:
+        """The solution of the present state, if its pose is at rest."""
+        answer = self.answer
+        rests = answer is not None and answer.final and answer.request.edit == self.edit
+        return answer.solution if answer is not None and rests else None
+
+    @property
     def preparing(self) -> bool:
         """True while the solver of a model is being prepared."""
         return self.is_open and self.answer is None
@@ -170,7 +225,7 @@ class Editor:
     @property
     def vertices(self) -> NDArray[np.float64]:
         """The surface (V, 3) of the newest pose."""
-        return self.model.reference.vertices if self.answer is None else self.answer.pose.vertices
+        return self.model.reference.vertices if self._display is None else self._display.vertices
 
     def wait_for_pose(self, seconds: float = math.inf) -> None:
         """Wait at most so long until `vertices` is the pose of the present state.
@@ -191,13 +246,41 @@ class Editor:
         return None if self._display is None else self._display.activations
 
     @property
+    def regions(self) -> list[ComponentRegion]:
+        """Groups of the components by where they act, once they have been measured."""
+        return [] if self._display is None else self._display.regions
+
+    def name_components(self, names: Mapping[int, str]) -> None:
+        """Name components in this session; an empty name removes the component's.
+
+        Raises:
+            InputError: no such component, no name, or another component has it.
+        """
+        self._model = self.model.with_component_names(names)
+        self.session.component_names.update(names)
+        if self._display is not None:
+            self._display.rename_components(self._model)
+        self.announce(ComponentsNamed())
+
+    @property
     def latencies(self) -> deque[float]:
         """Seconds from a move of the mouse to the frame with its pose, the latest last."""
         return deque() if self._display is None else self._display.poses.latencies
 
-    def _ask(self, solution: Any = None, moving: bool = False) -> None:
+    def ask(self, solution: Solution | None = None, moving: bool = False) -> None:
+        """Have the present state solved; see `PoseDisplay.ask`."""
         if self._display is not None:
             self._display.ask(solution, moving)
+
+    def ease(self) -> None:
+        """Have the surface go smoothly to the pose of the present state."""
+        if self._display is not None:
+            self._display.ease()
+
+    def ask_for_colours(self) -> None:
+        """Have the pose coloured as the look says."""
+        if self._display is not None:
+            self._display.ask_for_colours()
 
     # Time.
 
@@ -210,6 +293,12 @@ class Editor:
     def busy(self) -> bool:
         """True while a pose, a frame or a job is pending."""
         return bool(self._jobs) or (self._display is not None and self._display.busy)
+
+    @property
+    def at_rest(self) -> bool:
+        """True while nothing moves and no pose is pending; jobs may go on."""
+        solved = self._display is not None and not self._display.busy
+        return solved and not (self.dragging or self.session.under_way)
 
     @property
     def idle(self) -> bool:
@@ -227,94 +316,49 @@ class Editor:
             return
         self._display.tick(self.dragging)
         for error in self._jobs.step():
-            self._announce(MistakeMade.of(error))
+            self.announce(MistakeMade.of(error))
+
+    def touch(self) -> None:
+        """Count the session as changed, by something that its history does not have."""
+        self.session.mark_unsaved()
+        self.announce(HistoryChanged())
 
     def note(self, text: str) -> None:
         """Show the user a message that is no error."""
-        self._announce(NoticeGiven(text))
+        self.announce(NoticeGiven(text))
 
-    def _announce(self, *changes: Change) -> None:
+    def announce(self, *changes: Change) -> None:
+        """Tell the listeners of `on_change` what has changed."""
         for change in changes:
             for listener in tuple(self.on_change):
                 listener(change)
 
-    # What a drag does.
+    # History.
 
-    @property
-    def selected(self) -> frozenset[int]:
-        """Ids of the selected handles."""
-        return self.state.selected
+    def begin_drag(self) -> Edit:
+        """Return the state at the beginning of this drag: the present one at its first move."""
+        if self.before_drag is None:
+            self.before_drag = self.edit
+        return self.before_drag
 
-    def select(self, handles: Iterable[int], add: bool = False, toggle: bool = False) -> None:
-        """Select handles: these alone, in addition, or toggled."""
-        self.state.select(handles, add, toggle)
+    def show_edit(self, edit: Edit) -> None:
+        """Show a state until `commit` or `revert`."""
+        self.session.change(edit)
+        self.ask(moving=True)
 
-    def place(self, vertex: int, add: bool = False) -> int:
-        """Place a handle at a vertex's position, or select the one there; return its id."""
-        for handle in self.edit.handles:
-            if handle.vertices == (vertex,):
-                self.select([handle.id], add=add)
-                return handle.id
-        at = point(self.vertices[vertex])
-        handle = Handle(self.session.next_id(), (vertex,), (at,))
-        self._before_drag = None
-        self.session.change(self.edit.with_handles([handle]))
-        self.select([handle.id], add=add)
-        self._ask(moving=True)
-        return handle.id
+    def commit(self, label: str, known: Solution | None = None) -> None:
+        """Make the current change one step of the history; `known` is its pose at rest, if any."""
+        self.before_drag = None
+        answer, solution = self.answer, known
+        if known is None and answer and answer.request.edit == self.edit:
+            solution = answer.solution
+        clip = self.timeline.keyed(self.session.entry.edit, self.edit)
+        if self.session.commit(label, solution, clip):
+            self.announce(HistoryChanged(), HandlesChanged())
+        self.ask(known)
 
-    def move_selected(self, motion: Motion) -> None:
-        """Move the selected handles relative to the start of this drag; pins stay."""
-        if self._before_drag is None:
-            self._before_drag = self.edit
-        moved = self.state.movable(self._before_drag.handles)
-        if motion.turns:
-            if len(moved) == 1 and not self._orient(moved[0]):
-                return
-            moved = handle_changes.turned(self.state.movable(self._before_drag.handles), motion)
-        moved = [handle.moved(motion) for handle in moved]
-        self.session.change(self._before_drag.with_handles(moved))
-        self._ask(moving=True)
-        self._announce(HandlesDragged())
-
-    def _orient(self, handle: Handle) -> bool:
-        """Give a handle the orientation that its surface has before this drag, if it has none.
-
-        Returns:
-            False if it cannot have any: then the user is told why.
-        """
-        assert self._before_drag is not None
-        if handle.is_region or handle.orientation is not None:
-            return True
-        try:
-            (R,) = deformer.local_rotations(self.model, handle.vertices, self.vertices)
-        except deformer.InputError as error:
-            self.note(str(error))
-            return False
-        self._before_drag = self._before_drag.with_handles([handle.oriented(R)])
-        return True
-
-    def turn_freely(self) -> None:
-        """Remove the orientations of the selected handles."""
-        handles = [h for h in self.state.selection(self.edit.handles) if h.orientation is not None]
-        if handles:
-            free = [replace(handle, orientation=None) for handle in handles]
-            self.change("Turn freely", self.edit.with_handles(free))
-        else:
-            self.note("Select a handle that has been turned first")
-
-    def commit(self, label: str) -> None:
-        """Make the current change one step of the history."""
-        self._before_drag = None
-        answer = self.answer
-        solution = answer.solution if answer and answer.request.edit == self.edit else None
-        if self.session.commit(label, solution):
-            self._announce(HistoryChanged(), HandlesChanged())
-            self._note_units()
-        self._ask()
-
-    def _note_units(self) -> None:
-        """Tell the user if the targets are most likely in other units than the model."""
+    def note_units(self) -> None:
+        """Tell the user if targets that come from a file are most likely in other units."""
         rows = self.edit.arrays()
         warning = deformer.unit_warning(self.model, rows["vertices"], rows["targets"])
         if warning is not None:
@@ -322,28 +366,35 @@ class Editor:
 
     def revert(self) -> None:
         """Discard the current change."""
-        self._before_drag = None
+        self.before_drag = None
         if self.session.under_way:
             self.session.revert()
             self.state.forget_missing(self.edit.handles)
-            self._ask(self.session.entry.solution)
+            self.ask(self.session.entry.solution)
         self.state.invalidate()
 
-    def add_region(self, vertices: Sequence[int], add: bool = False) -> None:
-        """Make one handle of a region of vertices and select it, as a step of the history."""
-        number = self.session.next_id()
-        handle = handle_changes.region_handle(number, vertices, self.model.reference, self.vertices)
-        self.session.change(self.edit.with_handles([handle]))
-        self.select([number], add=add)
-        self.commit("Paint region")
+    def change(
+        self, label: str, edit: Edit, both_sides: bool = True, solution: Solution | None = None
+    ) -> None:
+        """Make a state the next step of the history and solve for it.
 
-    # History.
+        Args:
+            label: what was done, in words for the user.
+            edit: the state.
+            both_sides: False if the live mirror has nothing to add.
+            solution: its pose at rest, if that is known.
+        """
+        self.session.change(self.mirror.completed(edit) if both_sides else edit)
+        self.state.forget_missing(edit.handles)
+        self.commit(label, solution)
 
-    def change(self, label: str, edit: Edit) -> None:
-        """Make a state the next step of the history and solve for it."""
+    def restore(self, label: str, edit: Edit, solution: Solution | None) -> None:
+        """Make a state the next step of the history and solve for it from a solution."""
         self.session.change(edit)
         self.state.forget_missing(edit.handles)
-        self.commit(label)
+        if self.session.commit(label, solution):
+            self.announce(HistoryChanged(), HandlesChanged())
+        self.ask(solution)
 
     def undo(self) -> None:
         """Undo one step."""
@@ -357,154 +408,18 @@ class Editor:
 
     def _show_entry(self, entry: Entry) -> None:
         self.state.forget_missing(entry.edit.handles)
-        self._ask(entry.solution)
-        self._announce(HistoryChanged(), HandlesChanged())
+        self.ask(entry.solution)
+        self.announce(StepShown(), HistoryChanged(), HandlesChanged())
 
-    # The prior.
+    def show_state(self, edit: Edit, shape: NDArray[np.float64] | None = None) -> None:
+        """Show another state in the place of the present one: no step of the history.
 
-    def start_from(self, name: str, code: ArrayLike) -> None:
-        """Make a latent code (K,) the prior's mean, with no handles."""
-        base = tuple(float(value) for value in np.asarray(code))
-        self.change(f"Start from {name}", replace(self.edit, base=base, handles=()))
-
-    def start_from_mesh(self, path: str | Path) -> None:
-        """Start from the code whose shape is closest to a mesh; a background job finds it.
-
-        Raises:
-            InputError: the mesh has another number of vertices.
+        Args:
+            edit: the state.
+            shape: (V, 3) its surface; None solves for it.
         """
-        mesh, model = load_alike(path, self.model.reference), self.model
-
-        def fit() -> Iterator[None]:
-            self.note(f"Looking for the code of {path} …")
-            code = yield from in_background(lambda: model.fit(mesh.vertices))
-            if self._model is model:
-                self.start_from(Path(path).name, code)
-
-        self.run(fit())
-
-    def reset(self) -> None:
-        """Go back to the reference, with no handles."""
-        self.start_from("reference", start_codes(self.model)["Reference"])
-
-    def use_as_base(self) -> None:
-        """Make the shown pose the prior's mean; handles are unchanged."""
-        if self.answer is not None:
-            self.change("Start from this pose", replace(self.edit, base=self.answer.solution.z))
-
-    def slide(self, component: int, value: float) -> None:
-        """Set a component of the prior's mean until `commit`; not during a drag."""
-        if self.dragging:
-            return
-        if self._before_drag is None:
-            self._before_drag = self.edit
-            self._code_before_slide = self.code
-        base = list(self._before_drag.base)
-        base[component] += value - float(self._code_before_slide[component])
-        self.session.change(replace(self._before_drag, base=tuple(base)))
-        self._ask(moving=True)
-
-    def set_noise(self, noise: float) -> None:
-        """Set the expected distance of handles from their targets until `commit`."""
-        self.session.change(replace(self.edit, noise=noise))
-        self._ask(moving=True)
-
-    def set_body(self, body: Body) -> None:
-        """Set whether the body may turn and travel as a whole."""
-        self.change("Body " + body, replace(self.edit, body=body))
-
-    # Handles.
-
-    def set_kind(self, kind: Kind) -> None:
-        """Make the selected handles soft, exact or pins."""
-        handles = self.state.selection(self.edit.handles)
-        if handles:
-            changed = handle_changes.with_kind(handles, kind, self.vertices)
-            self.change(f"Make {kind}", self.edit.with_handles(changed))
+        self.session.show(edit)
+        if shape is None or self._display is None:
+            self.ask(moving=True)
         else:
-            self.note(_SELECT)
-
-    def set_weight(self, weight: float) -> None:
-        """Set the weight of the selected handles until `commit`."""
-        handles = self.state.selection(self.edit.handles)
-        self.session.change(self.edit.with_handles(replace(h, weight=weight) for h in handles))
-        self._ask(moving=True)
-
-    def set_centre(self, centre: ArrayLike) -> None:
-        """Move the selected handles so that their common centre is at a point (3,)."""
-        handles = self.state.movable(self.edit.handles)
-        if handles:
-            self.change("Move", self.edit.with_handles(handle_changes.centred_at(handles, centre)))
-
-    def select_all(self) -> None:
-        """Select every handle."""
-        self.select([handle.id for handle in self.edit.handles])
-
-    def delete(self) -> None:
-        """Remove the selected handles."""
-        if self.selected:
-            self.change("Delete", self.edit.without(self.selected))
-        else:
-            self.note(_SELECT)
-
-    def clear(self) -> None:
-        """Remove all handles."""
-        if self.edit.handles:
-            self.change("Clear handles", replace(self.edit, handles=()))
-
-    @property
-    def plane(self) -> MirrorPlane:
-        """The plane across which handles are mirrored."""
-        assert self._plane is not None, "no model is open"
-        return self._plane
-
-    def mirror(self) -> None:
-        """Copy the selected handles, or all, to the other side; handles there move."""
-        sources = self.state.selection(self.edit.handles) or self.edit.handles
-        number = self.session.next_id()
-        changed = handle_changes.mirrored(self.edit, sources, self.plane.symmetry, number)
-        if changed:
-            self.change("Mirror", self.edit.with_handles(changed))
-            self.select([h.id for h in changed], add=True)
-        else:
-            self.note("Nothing to mirror: place a handle beside the plane of symmetry first")
-
-    def suggest(self) -> None:
-        """Show where another handle reduces the uncertainty most; a second call places it."""
-        if self.state.look.colour != "uncertainty":
-            self.change_look(colour="uncertainty")
-            self.note("Red is where one more handle would tell most; N again places it")
-        elif self.answer is not None and self.answer.suggestion is not None:
-            self.place(self.answer.suggestion)
-            self.commit("Suggested handle")
-
-    # Looks.
-
-    def frame(self, azimuth: float = 25.0, elevation: float = 8.0) -> None:
-        """Aim the camera at the whole shape from a direction in degrees; see `aim`."""
-        self.state.frame(self.vertices, azimuth, elevation)
-
-    def change_look(self, **changes: Any) -> None:
-        """Change how the picture is drawn; see `Look`."""
-        before = self.state.look.colour
-        self.state.change_look(**changes)
-        if self.state.look.colour != before and self._display is not None:
-            self._display.ask_for_colours()
-
-    def load_target(self, path: str | Path) -> None:
-        """Compare with a mesh of the same connectivity.
-
-        Raises:
-            InputError: the mesh has another number of vertices.
-        """
-        self.state.target = Target.load(path, self.model.reference)
-        self.change_look(ghost="target", colour="error")
-
-    def preview(self, component: int | None) -> None:
-        """Colour the surface by the support of a component, or as before."""
-        if self.activations is None:
-            return
-        if component is None:
-            self.state.preview_paint(None)
-        else:
-            self.state.preview_paint(component_paint(self.model, self.activations, component))
+            self._display.show(shape)

@@ -20,10 +20,11 @@ class Keys:
 
 @dataclass(frozen=True)
 class MouseMoved:
-    """The mouse is at `pixel`."""
+    """The mouse is at `pixel`; `buttons` are down, or None where the window cannot tell."""
 
     pixel: Pixel
     keys: Keys = Keys()
+    buttons: frozenset[Button] | None = None
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,7 @@ class WheelTurned:
 
     notches: float
     pixel: Pixel
+    keys: Keys = Keys()
 
 
 @dataclass(frozen=True)

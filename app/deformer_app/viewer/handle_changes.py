@@ -8,27 +8,84 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deformer import Mesh, Symmetry, spread
-from deformer_app.viewer.edit import Edit, Handle, Kind, point
+from deformer import DeformationModel, Mesh, Symmetry, local_rotations, spread
+from deformer_app.viewer.edit import Edit, Handle, Kind, points
 from deformer_app.viewer.gizmo import Motion
+from deformer_app.viewer.handle_names import opposite_name
+from deformer_app.viewer.mirror_plane import MirrorPlane
 
 _REGION_TARGETS = 8  # vertices of a painted region that have targets
+# Vertices of a pin's disc that have targets, its centre first: enough that the others keep their
+# places within a thousandth of the body's size.
+_PIN_TARGETS = 14
 
 
 def with_kind(handles: Iterable[Handle], kind: Kind, vertices: NDArray) -> list[Handle]:
-    """Make handles soft, exact or pins; a pin's targets are where its vertices are.
+    """Make handles soft, exact or pins.
+
+    A pin's targets are where its vertices are; it goes on to pull the prior to where they were, so
+    that the pose stays. A soft handle has no gaps but those that it was placed with.
 
     Args:
         handles: to change.
         kind: of all of them.
         vertices: (V, 3) the surface that is shown.
     """
-    if kind != "pin":
-        return [replace(handle, kind=kind) for handle in handles]
-    return [
-        replace(h, kind=kind, targets=tuple(point(p) for p in vertices[list(h.vertices)]))
-        for h in handles
-    ]
+    return [_of_kind(handle, kind, vertices) for handle in handles]
+
+
+def _of_kind(handle: Handle, kind: Kind, vertices: NDArray) -> Handle:
+    if kind == "pin":
+        here = vertices[list(handle.vertices)]
+        return replace(handle, kind=kind).at(
+            here, gaps_of(handle) + here - np.array(handle.targets)
+        )
+    handle = _without_disc(handle)
+    softened = kind == "soft" != handle.kind
+    return replace(handle, kind=kind, gaps=() if softened else handle.gaps)
+
+
+def gaps_of(handle: Handle) -> NDArray:
+    """Return the gaps (n, 3) of a handle, zeros where it has none."""
+    return np.array(handle.gaps) if handle.gaps else np.zeros((len(handle.targets), 3))
+
+
+def with_disc(handle: Handle, radius: float, model: DeformationModel) -> Handle:
+    """Return a pin with the disc around its first vertex as its patch; targets are the reference's.
+
+    Args:
+        handle: a single vertex, or a pin with another disc.
+        radius: geodesic, in bounding diagonals of the reference.
+        model: the model, on whose reference distances are measured.
+    """
+    centre, rest = handle.vertices[0], model.reference.vertices
+    inside = model.distances(centre) <= radius * model.reference.bounding_diagonal
+    patch = np.flatnonzero(inside)
+    # Far from the centre and from each other: the rim, in all directions.
+    chosen = patch[spread(rest[patch] - rest[centre], _PIN_TARGETS)].tolist()
+    vertices = (centre, *(v for v in chosen if v != centre))
+    disc = replace(
+        handle,
+        vertices=vertices,
+        patch=tuple(patch.tolist()),
+        radius=radius,
+        orientation=None,
+    )
+    return disc.at(rest[list(vertices)])
+
+
+def _without_disc(handle: Handle) -> Handle:
+    """Return the handle of the first vertex of a pin with a disc; others as they are."""
+    if not handle.radius:
+        return handle
+    return replace(
+        handle,
+        vertices=handle.vertices[:1],
+        targets=handle.targets[:1],
+        patch=(),
+        radius=0.0,
+        gaps=handle.gaps[:1],
+    )
 
 
 def centred_at(handles: Sequence[Handle], centre: ArrayLike) -> list[Handle]:
@@ -36,6 +93,40 @@ def centred_at(handles: Sequence[Handle], centre: ArrayLike) -> list[Handle]:
     before = np.mean([handle.centre for handle in handles], axis=0)
     shift = np.asarray(centre, dtype=np.float64) - before
     return [handle.moved(lambda p: p + shift) for handle in handles]
+
+
+def carried(handles: Sequence[Handle], model: DeformationModel, shape: NDArray) -> list[Handle]:
+    """Return handles on another shape of a model, where none of them pulls.
+
+    Args:
+        handles: of any pose.
+        model: the model.
+        shape: (V, 3) a shape that the model makes of a code alone.
+
+    Returns:
+        The handles with their targets at their vertices, without gaps; orientations are those that
+        the shape has there.
+    """
+    turned = [handle.vertices[0] for handle in handles if handle.orientation is not None]
+    turns = iter(local_rotations(model, turned, shape) if turned else ())
+    on_shape = [handle.at(shape[list(handle.vertices)]) for handle in handles]
+    return [h if h.orientation is None else h.oriented(next(turns)) for h in on_shape]
+
+
+def surroundings(handles: Iterable[Handle], shown: NDArray, reach: float) -> NDArray:
+    """Return the corners of what is around handles.
+
+    Args:
+        handles: their targets, vertices and patches are what is surrounded.
+        shown: (V, 3) the surface that is shown.
+        reach: distance from a point of the handles that belongs to its surroundings.
+
+    Returns:
+        (n, 3) points at that distance along the axes; none without handles.
+    """
+    own = [p for h in handles for p in (*h.targets, *shown[[*h.vertices, *h.patch]])]
+    points = np.reshape(own, (-1, 1, 3))
+    return (points + reach * np.vstack([np.eye(3), -np.eye(3)])).reshape(-1, 3)
 
 
 def turned(handles: Iterable[Handle], motion: Motion) -> list[Handle]:
@@ -46,14 +137,15 @@ def turned(handles: Iterable[Handle], motion: Motion) -> list[Handle]:
     ]
 
 
-def region_handle(number: int, region: Iterable[int], reference: Mesh, shown: NDArray) -> Handle:
+def region_handle(number: int, region: Iterable[int], reference: Mesh) -> Handle:
     """Make one handle of a region; a few of its vertices, far from each other, have targets.
+
+    The targets are where the reference has these vertices.
 
     Args:
         number: id of the handle.
         region: its vertices.
         reference: the undeformed mesh, on which distances are measured.
-        shown: (V, 3) the surface that is shown; targets are where the vertices are now.
     """
     patch = np.array(sorted(region), dtype=np.int64)
     rest = reference.vertices[patch]
@@ -61,9 +153,27 @@ def region_handle(number: int, region: Iterable[int], reference: Mesh, shown: ND
     return Handle(
         number,
         tuple(chosen.tolist()),
-        tuple(point(p) for p in shown[chosen]),
+        points(reference.vertices[chosen]),
         patch=tuple(patch.tolist()),
     )
+
+
+def image(handle: Handle, symmetry: Symmetry) -> Handle:
+    """Return the mirror image of a handle, with its id: opposite vertices, mirrored targets.
+
+    A name changes sides, too; one without a side stays.
+    """
+    mirrored = replace(
+        handle,
+        vertices=tuple(symmetry.opposite[list(handle.vertices)].tolist()),
+        targets=points(symmetry.mirror(handle.targets)),
+        patch=tuple(sorted(set(symmetry.opposite[list(handle.patch)].tolist()))),
+        gaps=points(symmetry.mirror_directions(gaps_of(handle))) if handle.gaps else (),
+        name=opposite_name(handle.name) or handle.name,
+    )
+    if handle.orientation is None:
+        return mirrored
+    return mirrored.oriented(symmetry.mirror_rotations(handle.orientation))
 
 
 def mirrored(
@@ -78,22 +188,22 @@ def mirrored(
         number: id of the first new handle; the next ones count on.
     """
     changed = []
-    flip = np.eye(3) - 2.0 * np.outer(symmetry.normal, symmetry.normal)
     for handle in sources:
-        vertices = tuple(symmetry.opposite[list(handle.vertices)].tolist())
-        patch = tuple(sorted(set(symmetry.opposite[list(handle.patch)].tolist())))
-        there = [h for h in edit.handles if set(h.vertices) & set(vertices)]
+        copy = image(handle, symmetry)
+        there = [h for h in edit.handles if set(h.vertices) & set(copy.vertices)]
         if any(h.id == handle.id for h in there):
             continue
-        copy = replace(
-            handle,
-            id=there[0].id if there else number,
-            vertices=vertices,
-            targets=tuple(point(p) for p in symmetry.mirror(handle.targets)),
-            patch=patch,
-        )
-        if handle.orientation is not None:
-            copy = copy.oriented(flip @ np.array(handle.orientation) @ flip)
+        name = there[0].name if there else opposite_name(handle.name)
+        changed.append(replace(copy, id=there[0].id if there else number, name=name))
         number += not there
-        changed.append(copy)
     return changed
+
+
+def mirrored_edit(edit: Edit, plane: MirrorPlane) -> Edit:
+    """Return the mirror image of a whole state: its handles, under their ids, and its base.
+
+    With `plane.mirrored_pose(vertices)` and `plane.mirrored_code(z)` it makes the image of a pose
+    that is stored with its surface and code; handles on the plane are mirrored, too.
+    """
+    handles = tuple(image(handle, plane.symmetry) for handle in edit.handles)
+    return replace(edit, base=plane.mirrored_code(edit.base), handles=handles)

@@ -10,16 +10,28 @@ MOUSE = (
     ("Shift while dragging", "a tenth of the way"),
     ("Shift-click", "select one more"),
     ("Ctrl-drag", "select by a box"),
-    ("Drag beside the body, or right button", "orbit"),
-    ("Middle button, or Shift and right", "pan"),
-    ("Wheel", "zoom to the cursor"),
-    ("Esc", "give up a drag"),
+    ("Drag beside the body, or right button", "orbit, during a drag, too"),
+    ("Middle button, or Shift and right", "pan, during a drag, too"),
+    ("Click the cube in the corner", "look from that side; drag it to turn"),
+    ("Wheel", "zoom to the cursor, during a drag, too"),
+    ("Shift and wheel over a pin", "its size"),
+    ("Right click", "what can be done here"),
+    ("0…9 - . ⌫ Tab Enter", "an exact value while the manipulator moves"),
+    ("Esc", "give up a drag, or the animation that is being written"),
+)
+
+PANELS = (
+    ("Enter or Esc", "leave a field, with its new value or the one before"),
+    ("F2", "rename the selected component or pose"),
+    ("Alt+Left, Alt+Right", "move a saved pose in its row"),
+    ("Alt+1 to Alt+9", "bring a saved camera back"),
+    ("Double click on a slider", "back to zero"),
 )
 
 
 def help_groups() -> dict[str, list[tuple[str, str]]]:
     """Return pairs of key or mouse action and effect, by menu."""
-    groups = {"Mouse": list(MOUSE)}
+    groups = {"Mouse": list(MOUSE), "Panels": list(PANELS)}
     for menu in MENUS:
         groups[menu] = [(a.key, a.title.rstrip("…")) for a in ACTIONS if a.key and a.menu == menu]
     return groups

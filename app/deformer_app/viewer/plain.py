@@ -10,7 +10,8 @@ from typing import Any
 import pyvista as pv
 
 from deformer import InputError
-from deformer_app.viewer.actions import ACTIONS
+from deformer_app.mistakes import mistake
+from deformer_app.viewer.actions import ACTIONS, carry_out
 from deformer_app.viewer.changes import (
     Change,
     FrameDrawn,
@@ -29,8 +30,8 @@ from deformer_app.viewer.vtk_input import listen
 
 _PREPARING = "Deformer (preparing)"
 _PAUSE = 0.004  # seconds between two polls of the events
-_NAMES = {"Delete": "Del", "BackSpace": "Del", "question": "F1", "bracketleft": "[",
-          "bracketright": "]"}  # fmt: skip
+_NAMES = {"Delete": "Del", "bracketleft": "[", "bracketright": "]", "space": "Space",
+          "plus": "+", "minus": "-"}  # fmt: skip
 
 
 class PlainWindow:
@@ -99,6 +100,8 @@ class PlainWindow:
         self._open = False
 
     def _handle_key(self, event: KeyPressed) -> None:
+        if self.editor.controller.handle_key(event):
+            return
         if event.name == "Escape":
             if not self.editor.controller.cancel() and self._helping:
                 self.help()
@@ -113,9 +116,9 @@ class PlainWindow:
             self._say(f"{action.title.rstrip('…')} needs the full window: leave out --plain")
             return
         try:
-            action.run(self)  # pyright: ignore[reportArgumentType]
+            carry_out(action, self)  # pyright: ignore[reportArgumentType]
         except (InputError, OSError) as error:
-            self._say(str(error))
+            self._say(mistake(error))
 
     def _hear(self, change: Change) -> None:
         match change:
@@ -148,6 +151,10 @@ class PlainWindow:
         self._asked_to_close = False
         self._say(f"Saved {os.fspath(self._file)}")
         return True
+
+    def choose_theme(self, dark: bool | None) -> None:
+        """Show the dark or the light theme; the light one for None."""
+        self.editor.picture.change_look(dark=bool(dark))
 
     def help(self) -> None:
         """Show or hide the help."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import deformer
-from deformer import Activations, DeformationModel
+from deformer import Activations, ComponentRegion, DeformationModel
 from deformer_app.viewer.changes import (
     Change,
     ComponentsMeasured,
@@ -19,14 +19,13 @@ from deformer_app.viewer.changes import (
     MistakeMade,
     PoseChanged,
 )
-from deformer_app.viewer.edit import Solution
+from deformer_app.viewer.eased_offset import EasedOffset
+from deformer_app.viewer.edit import Edit, Solution
 from deformer_app.viewer.pose_stream import PoseStream
 from deformer_app.viewer.pose_worker import Answer, Request
 from deformer_app.viewer.session import Session
 from deformer_app.viewer.view_state import ViewState
 from deformer_app.viewer.worker import Jobs, in_background
-
-_TRANSITION = 0.12  # seconds from the last pose of a drag to the final one
 
 
 class PoseDisplay:
@@ -43,6 +42,7 @@ class PoseDisplay:
     Attributes:
         poses: the newest pose, and the latencies of poses.
         activations: strengths and limits of the components, once they have been measured.
+        regions: groups of the components by where they act, measured with the activations.
     """
 
     def __init__(
@@ -57,9 +57,35 @@ class PoseDisplay:
         """Start the solver's thread; the first request prepares the solver."""
         self.poses = PoseStream(model, wake)
         self.activations: Activations | None = None
+        self.regions: list[ComponentRegion] = []
         self._model, self._session, self._state = model, session, state
         self._jobs, self._announce = jobs, announce
         self._closed = False
+        self._shape: NDArray[np.float64] | None = None
+        self._offset = EasedOffset(model.reference.bounding_diagonal)
+        self._easing = False
+        self._eased_to: Edit | None = None
+
+    @property
+    def vertices(self) -> NDArray[np.float64]:
+        """The surface (V, 3) that is shown: the newest pose, or a shape in its place."""
+        return self.poses.vertices if self._shape is None else self._shape
+
+    def show(self, shape: NDArray[np.float64]) -> None:
+        """Show a shape (V, 3) in place of the pose, until the present state is solved."""
+        self._shape = shape
+        self._offset.clear()
+        normals = deformer.vertex_normals(shape, self._model.reference.faces)
+        self._state.view.surface.move(shape, normals)
+        self._state.invalidate()
+
+    def show_stored(self, solution: Solution) -> None:
+        """Show the shape of a solution until the solver is prepared.
+
+        What exact handles and the floor add to it comes with the first pose.
+        """
+        model = self._model
+        self.show(deformer.posed_shape(model, solution.z, solution.rotation, solution.translation))
 
     @property
     def busy(self) -> bool:
@@ -79,6 +105,7 @@ class PoseDisplay:
             moving: more is about to follow, so that nothing needs to be finished.
         """
         target = self._state.target_mesh
+        kind, _, number = self._state.look.colour.partition(":")
         self.poses.ask(
             Request(
                 self._session.edit,
@@ -87,9 +114,20 @@ class PoseDisplay:
                 self._state.look.colour,
                 None if target is None else target.vertices,
                 self.activations,
+                self._model.label(int(number)) if kind == "component" and number else "",
             )
         )
         self._state.invalidate()
+
+    def ease(self) -> None:
+        """Go smoothly to the pose of the present state, where it would else be shown at once."""
+        self._eased_to = self._session.edit
+
+    def rename_components(self, model: DeformationModel) -> None:
+        """Go on with the same model, in which components have other names."""
+        self._model = model
+        if self._state.look.colour.startswith("component"):
+            self.ask_for_colours()
 
     def ask_for_colours(self) -> None:
         """Request new colours of the pose; a final pose is not solved again."""
@@ -109,7 +147,7 @@ class PoseDisplay:
         state = self._state
         wait = self.poses.is_worth_waiting_for(state.seconds_since_frame, self._session.under_way)
         if state.is_stale and (answer is not None or not wait):
-            state.draw(self.poses.vertices, self._session.edit.handles)
+            state.draw(self.vertices, self._session.edit.handles)
             if answer is not None:
                 self.poses.note_drawn(answer)
             self._announce(FrameDrawn())
@@ -137,10 +175,26 @@ class PoseDisplay:
         """Show an answer; `before` is the previous one."""
         if before is None:
             self._jobs.add(self._measure_components())
-        if before is not None and answer.final and before.request.edit == answer.request.edit:
-            self._jobs.add(self._transition(before.pose.vertices, answer))
+        shape, late = self._shape, answer.request.edit != self._session.edit
+        if shape is not None and late:
+            return
+        self._shape = None
+        now = time.perf_counter()
+        if shape is not None:
+            self._offset.add(shape - answer.pose.vertices, now)
+        elif before is not None and answer.request.edit in (before.request.edit, self._eased_to):
+            self._offset.add(before.pose.vertices - answer.pose.vertices, now)
+        elif answer.request.moving:
+            self._offset.advance(now)
         else:
-            self._state.view.surface.move(answer.pose.vertices, answer.normals)
+            self._offset.clear()
+        self._draw(answer)
+        if self._offset and not self._easing:
+            self._easing = True
+            self._jobs.add(self._ease())
+        self._state.note_pose(
+            answer.request.edit, answer.pose.vertices, answer.final and not self._session.under_way
+        )
         if answer.paint is not None:
             self._state.show_paint(answer.paint)
         if answer.final and answer.request.solution is None:
@@ -148,35 +202,41 @@ class PoseDisplay:
         self._state.invalidate()
         self._announce(PoseChanged())
 
-    def _transition(self, start: NDArray[np.float64], answer: Answer) -> Iterator[None]:
-        """Go from what a drag has shown to the final pose in a few frames.
-
-        Rigid relaxation of exact handles depends on the path of a drag and is done afresh at its
-        end: a difference of a per cent or two, which would look like a jump.
-        """
-        surface, end, reference = (
-            self._state.view.surface,
-            answer.pose.vertices,
-            self._model.reference,
-        )
-        begun = time.perf_counter()
-        if np.abs(end - start).max() < 1e-4 * reference.bounding_diagonal:
-            begun -= _TRANSITION
-        while (share := (time.perf_counter() - begun) / _TRANSITION) < 1.0:
-            between = start + share * (end - start)
-            surface.move(between, deformer.vertex_normals(between, reference.faces))
-            self._state.invalidate()
-            yield
-            if self._closed or self.poses.answer is not answer:
-                return
-        surface.move(end, answer.normals)
+    def _draw(self, answer: Answer) -> None:
+        """Move the surface to a pose, or on its way there."""
+        vertices, normals = answer.pose.vertices, answer.normals
+        if self._offset:
+            vertices = self._offset.added_to(vertices)
+            normals = deformer.vertex_normals(vertices, self._model.reference.faces)
+        self._state.view.surface.move(vertices, normals)
         self._state.invalidate()
+
+    def _ease(self) -> Iterator[None]:
+        """Go to the newest pose in a few frames.
+
+        Better poses for the same handles follow the first one while the mouse rests: refined, with
+        a full rigid relaxation, or of a lower minimum elsewhere. At once they would be jumps.
+        """
+        while self._offset and not self._closed:
+            yield
+            self._offset.advance(time.perf_counter())
+            answer = self.poses.answer
+            if self._shape is None and answer is not None and not self._closed:
+                self._draw(answer)
+        self._easing = False
 
     def _measure_components(self) -> Iterator[None]:
         """Measure the components on a thread, because it takes seconds on a large mesh."""
-        found = yield from in_background(lambda: Activations(self._model))
+        model = self._model
+
+        def measure() -> tuple[Activations, list[ComponentRegion]]:
+            model.distances(0)  # prepared once, so that the brush's first circle does not wait
+            activations = Activations(model)
+            return activations, deformer.component_regions(model, activations)
+
+        found, regions = yield from in_background(measure)
         if not self._closed:
-            self.activations = found
+            self.activations, self.regions = found, regions
             if self._state.look.colour.startswith("component"):
                 self.ask_for_colours()
             self._announce(ComponentsMeasured())

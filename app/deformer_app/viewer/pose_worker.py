@@ -10,13 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import deformer
-from deformer import DeformationModel, HandleSolver, Pose
+from deformer import DeformationModel, Floor, HandleSolver, Pose
 from deformer_app.viewer.colouring import Colouring, Paint
 from deformer_app.viewer.edit import Edit, Handle, Solution, point
 from deformer_app.viewer.session import Session
-
-# Improved poses of one request, at most: while the mouse does not move, and after its release.
-_FRAMES = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,11 +22,13 @@ class Request:
 
     Args:
         edit: the state.
-        solution: a pose found earlier for it, to be shown as it was; None solves from the last.
+        solution: a pose found earlier for it, to be shown as it was, and gone on from unless it is
+            final; None solves from the last.
         moving: more requests are about to follow, so that nothing needs to be finished.
         colour: name of a colouring, see `Colouring`.
         target: (V, 3) a shape to compare with.
         activations: supports of the components to colour by, once they are known.
+        component_label: name of the component to colour by, for people.
         number: counts requests, for timing.
     """
 
@@ -39,6 +38,7 @@ class Request:
     colour: str = "plain"
     target: NDArray[np.float64] | None = None
     activations: deformer.Activations | None = None
+    component_label: str = ""
     number: int = 0
 
 
@@ -51,7 +51,7 @@ class Answer:
         pose: of the handles' vertices, in the order of `Edit.arrays`.
         normals: (V, 3).
         paint: colours; None keeps the previous ones.
-        off_data: distance of the code from the examples, see `Familiarity`.
+        off_data: how far the code is from the examples, as `Familiarity.percentile`.
         error: E_rms against the target, nothing aligned, if there is one.
         suggestion: vertex of the next handle, if the colouring is that of uncertainty.
         final: true if no better pose will follow.
@@ -70,7 +70,8 @@ class Answer:
     def solution(self) -> Solution:
         """The pose's code and motion."""
         pose = self.pose
-        return Solution(tuple(pose.z.tolist()), point(pose.rotation), point(pose.translation))
+        motion = point(pose.rotation), point(pose.translation)
+        return Solution(tuple(pose.z.tolist()), *motion, self.final)
 
 
 class PoseWorker:
@@ -91,34 +92,30 @@ class PoseWorker:
     def rehearse(self) -> None:
         """Solve for a handle of each kind, so that no user's first drag waits for a compiler.
 
-        The first time after an installation this takes some ten seconds, later a fraction of one.
+        The first answer calls all that is compiled. The first time after an installation this takes
+        a minute or two, later a fraction of a second.
         """
         base, reference = tuple(self._model.codes[0].tolist()), self._model.reference
         aside = point(reference.vertices[0] + 0.02 * reference.bounding_diagonal)
         for kind in ("soft", "exact"):
-            self.final_pose(Edit(base, (Handle(1, (0,), (aside,), kind),)))
+            next(self(Request(Edit(base, (Handle(1, (0,), (aside,), kind),)))))
         turned = Handle(1, (int(reference.faces[0, 0]),), (aside,), "exact").oriented(np.eye(3))
         with contextlib.suppress(deformer.InputError):  # there is no surface that could turn
-            self.final_pose(Edit(base, (turned,)))
+            next(self(Request(Edit(base, (turned,)))))
         self._edit = None
 
     def __call__(self, request: Request) -> Iterator[Answer]:
         """Yield successively better poses of a request; the last is final unless it is moving."""
-        pose = self.begin(request.edit, request.solution)
-        if request.solution is not None or not request.edit.handles:
+        pose, known = self.begin(request.edit, request.solution), request.solution
+        if not request.edit.handles or (known is not None and known.final):
             yield self._answer(request, pose, True)
             return
         yield self._answer(request, pose, False)
-        for _ in range(_FRAMES):
-            pose = self._solver.solve(warm=True)
+        for pose in deformer.poses_to_rest(self._solver):
             if self._solver.at_rest:
                 break
             yield self._answer(request, pose, False)
-        if request.moving:
-            yield self._answer(request, pose, False)
-            return
-        # As a function of its code and handles alone.
-        yield self._answer(request, pose if self._solver.at_rest else self._solver.relax(), True)
+        yield self._answer(request, pose, not request.moving)
 
     def begin(self, edit: Edit, solution: Solution | None = None) -> Pose:
         """Return the pose of an edit: a known one, or one step from the last."""
@@ -133,25 +130,34 @@ class PoseWorker:
             solver.restore(edit.base, np.zeros(3), np.zeros(3))
         return solver.solve(warm=True)
 
-    def final_pose(self, edit: Edit) -> Pose:
+    def final_pose(self, edit: Edit, solution: Solution | None = None) -> Pose:
         """Return the pose of an edit that a window shows after the mouse is released."""
-        return list(self(Request(edit)))[-1].pose
+        return list(self(Request(edit, solution)))[-1].pose
 
     def _follow(self, edit: Edit) -> None:
         """Pass the changes since the last edit to the solver."""
         last, self._edit = self._edit, None
         if last is None or last.base != edit.base:
             self._solver.set_prior(mean=edit.base)
-        if last is None or (last.noise, last.freedom) != (edit.noise, edit.freedom):
-            self._solver.set_prior(noise=edit.noise, freedom=edit.freedom)
+        if last is None or (last.noise, last.body) != (edit.noise, edit.body):
+            self._solver.set_prior(noise=edit.noise, freedom=edit.body)
+        if last is None or last.floor != edit.floor:
+            self._solver.set_floor(self._floor(edit.floor))
         if last is None or last.handles != edit.handles:
-            self._solver.set_handles(**edit.arrays())
+            # The window tells of other units where targets come from a file; those of a drag are
+            # the model's.
+            self._solver.set_handles(**edit.arrays(), check_units=False)
         self._edit = edit
+
+    def _floor(self, height: float | None) -> Floor | None:
+        return None if height is None else Floor.at(self._model, height)
 
     def _answer(self, request: Request, pose: Pose, final: bool) -> Answer:
         reference = self._model.reference
         target = request.target
-        paint = self.colouring(request.colour, pose, target, request.activations)
+        paint = self.colouring(
+            request.colour, pose, target, request.activations, request.component_label
+        )
         suggestion = None
         if request.colour == "uncertainty" and final:
             found = deformer.uncertainty(self._solver)
@@ -161,7 +167,7 @@ class PoseWorker:
             pose,
             deformer.vertex_normals(pose.vertices, reference.faces),
             paint,
-            self._familiarity.distance(pose.z),
+            self._familiarity.percentile(pose.z),
             None if target is None else deformer.e_rms(target, pose.vertices, "none"),
             suggestion,
             final,
@@ -170,8 +176,4 @@ class PoseWorker:
 
 def replay(session: Session, model: DeformationModel) -> Pose:
     """Return the pose that a session shows."""
-    entry = session.entry
-    worker = PoseWorker(model)
-    if entry.solution is None:
-        return worker.final_pose(entry.edit)
-    return worker.begin(entry.edit, entry.solution)
+    return PoseWorker(model).final_pose(session.entry.edit, session.entry.solution)

@@ -49,7 +49,11 @@ class _Primitives:
 
 
 class Dots(_Primitives):
-    """Balls of one size in pixels.
+    """Balls of one size in pixels, which no translucent surface dims.
+
+    What is translucent blends over all that is opaque behind it. Therefore the balls are drawn a
+    second time, after translucent props that were added earlier, wherever they are in front of
+    everything opaque.
 
     Args:
         renderer: where they are drawn.
@@ -65,9 +69,18 @@ class Dots(_Primitives):
         look.SetRenderPointsAsSpheres(True)
         look.SetAmbient(0.45)
         look.SetDiffuse(0.6)
-        # Balls protrude from the surface that their centres lie on.
-        self._mapper.SetResolveCoincidentTopologyToPolygonOffset()
-        self._mapper.SetRelativeCoincidentTopologyPointOffsetParameter(-6000.0)
+        self._again = vtkActor()
+        self._again.SetMapper(self._mapper)
+        self._again.SetProperty(look)
+        self._again.PickableOff()
+        self._again.ForceTranslucentOn()
+        renderer.AddActor(self._again)
+        self.clear()
+
+    def clear(self) -> None:
+        """Draw nothing."""
+        super().clear()
+        self._again.VisibilityOff()
 
     def magnify(self, factor: float) -> None:
         """Set the factor from the picture's pixels to VTK's."""
@@ -77,6 +90,7 @@ class Dots(_Primitives):
         """Draw points (n, 3), each in its colour."""
         if len(points):
             self._data.SetVerts(self._fill(points, np.arange(len(points))[:, None], colours))
+            self._again.VisibilityOn()
         else:
             self.clear()
 

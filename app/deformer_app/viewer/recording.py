@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from deformer import SEQUENCE_SUFFIXES, InputError, MeshSequence, save_shapes
-from deformer_app.rendering.animation import check_animation_path, save_animation
+from deformer_app.rendering.animation import save_animation
 from deformer_app.rendering.camera import turntable
 from deformer_app.rendering.offscreen import Picture
 from deformer_app.viewer.changes import Change, FrameDrawn
@@ -29,7 +29,7 @@ _MOST_BYTES = 1_000_000_000  # of the shapes of a recording
 
 
 class Recorder:
-    """Collects the frames that an editor draws, with their times.
+    """Collects the frames that an editor draws, with their times, without the orientation cube.
 
     Args:
         editor: whose picture it is.
@@ -44,6 +44,9 @@ class Recorder:
         self._model = editor.model
         # Vertices (V, 3) in single precision; None once they cannot be kept any more.
         self._shapes: list[NDArray] | None = []
+        # The frames are those of the window, which has no cube meanwhile.
+        editor.state.view.cube.show(False)
+        editor.state.view.render()
         self._add(time.perf_counter())
         editor.on_change.append(self._hear)
 
@@ -73,6 +76,13 @@ class Recorder:
         Empty if nothing was drawn after the beginning.
         """
         self._editor.on_change.remove(self._hear)
+        film = self._film()
+        state = self._editor.state
+        state.view.cube.show(state.look.cube)
+        state.invalidate()
+        return film
+
+    def _film(self) -> Film:
         if len(self._frames) < 2:
             return Film([], [], None)
         # The last frame may have come too soon after the one before it.
@@ -125,20 +135,21 @@ def save_turntable(editor: Editor, path: Path) -> Iterator[None]:
     Raises:
         InputError: the file's ending is neither .gif nor .mp4.
     """
-    check_animation_path(path)
-    state, pictures = editor.state, []
+    yield from editor.filming.write(path, _turn(editor), _TURN, FPS)
+
+
+def _turn(editor: Editor) -> Generator[Picture, None, None]:
+    """Draw a full turn; the camera is where it was in the end."""
+    state, model = editor.state, editor.model
     first, view = state.camera, state.view
     try:
-        for camera in turntable(first, _TURN, state.sky):
+        for camera in turntable(first, _TURN, state.viewpoint.sky):
             view.look(camera)
-            view.sharpen(True)
             view.overlays.show_gizmo(None, None)
-            view.render()
-            pictures.append(view.grab())
-            yield
+            yield view.picture()
     finally:
-        state.set_camera(first)
-    yield from save_recording(editor, path, pictures)
+        if editor.is_open and editor.model is model:
+            state.viewpoint.set_camera(first)
 
 
 def save_recording(editor: Editor, path: Path, pictures: Sequence[Picture]) -> Iterator[None]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import deformer
 from deformer import InputError, io
-from deformer_app.viewer.edit import Handle, point
+from deformer_app.viewer.edit import Edit, Handle, Solution, point
 from deformer_app.viewer.editor import Editor
+from deformer_app.viewer.handle_rows import handles_of_rows
 from deformer_app.viewer.worker import in_background
 
 
@@ -35,7 +35,15 @@ def place_rig(editor: Editor, count: int, symmetric: bool = False) -> None:
         )
         if editor.is_open and editor.model is model:
             vertices = [int(v) for v in found.vertices if v not in present]
-            _place(editor, "Place rig", vertices, editor.vertices[vertices])
+            first = editor.session.next_id()
+            _place(
+                editor,
+                "Place rig",
+                [
+                    editor.handles.on_surface(Handle(number, (v,), (point(editor.vertices[v]),)))
+                    for number, v in enumerate(vertices, first)
+                ],
+            )
             left = found.expected[len(found.vertices)]
             editor.note(f"All vertices are now expected to be off by about {left:.3g}")
 
@@ -45,46 +53,43 @@ def place_rig(editor: Editor, count: int, symmetric: bool = False) -> None:
 def load_handles(editor: Editor, path: str | Path) -> None:
     """Place the handles of a file, as of `deformer layout`, with their targets.
 
-    A vertex that has a handle gets the target of the file's.
+    A vertex that has a handle gets the target of the file's. A file with a prior or a start has the
+    whole state of a pose, as `export_handles` writes it: it replaces what is there.
 
     Raises:
-        InputError: no handles file of one pose, or a handle that is not at a vertex.
+        InputError: no handles file of one pose, one of another model, or a handle that is not at a
+            vertex.
     """
-    file = io.load_handles(path, len(editor.model.reference.vertices))
+    model, edit = editor.model, editor.edit
+    file = io.load_handles(path, len(model.reference.vertices), components=model.components)
     if file.is_sequence:
         raise InputError(f"{path}: has frames, expected the handles of one pose; give another file")
-    rows = file.frames[0]
-    for n, row in enumerate(rows):
-        if not isinstance(row.vertex, int):
-            raise InputError(
-                f"{path}: handles[{n}]: has an offset, expected a vertex alone; remove the offset"
-            )
-    options = [
-        {
-            "kind": row.kind,
-            "weight": row.weight,
-            "orientation": row.orientation,
-            "orientation_weight": row.orientation_weight,
-        }
-        for row in rows
-    ]
-    vertices = [row.vertex for row in rows if isinstance(row.vertex, int)]
-    _place(editor, "Load handles", vertices, [row.position for row in rows], options)
+    file.check_model(path, model.fingerprint)
+    handles = handles_of_rows(path, file, editor.session.next_id())
+    prior, start = file.prior, file.start
+    if start is None and prior == io.HandlePrior() and file.floor is None:
+        _place(editor, "Load handles", handles)
+        editor.note_units()
+        return
+    loaded = Edit(
+        edit.base if prior.mean is None else prior.mean,
+        tuple(handles),
+        edit.noise if prior.noise is None else prior.noise,
+        edit.body if prior.body is None else prior.body,
+        file.floor,
+    )
+    solution = None
+    if start is not None:
+        motion = point(start.rotation), point(start.translation)
+        solution = Solution(start.z, *motion, final=False)
+    editor.restore("Load handles", loaded, solution)
+    editor.note_units()
+    editor.handles.select([handle.id for handle in handles])
 
 
-def _place(
-    editor: Editor,
-    label: str,
-    vertices: Sequence[int],
-    targets: Any,
-    options: Sequence[dict[str, Any]] | None = None,
-) -> None:
+def _place(editor: Editor, label: str, handles: Sequence[Handle]) -> None:
     """Add handles, or replace those at the same vertices, as one step of the history."""
-    ids = {h.vertices[0]: h.id for h in editor.edit.handles if len(h.vertices) == 1}
-    number = editor.session.next_id()
-    handles = []
-    for n, (vertex, target) in enumerate(zip(vertices, targets, strict=True)):
-        handle = Handle(ids.get(vertex, number + n), (vertex,), (point(target),))
-        handles.append(handle if options is None else replace(handle, **options[n]))
+    ids = {h.vertices: h.id for h in editor.edit.handles}
+    handles = [replace(h, id=ids.get(h.vertices, h.id)) for h in handles]
     editor.change(label, editor.edit.with_handles(handles))
-    editor.select([handle.id for handle in handles])
+    editor.handles.select([handle.id for handle in handles])

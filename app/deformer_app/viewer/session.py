@@ -17,14 +17,17 @@ import deformer
 from deformer import InputError, io
 from deformer_app.viewer.edit import (
     BODIES,
-    KINDS,
     Edit,
     Handle,
-    Orientation,
     Point,
     Solution,
     point,
 )
+from deformer_app.viewer.handle_json import read_handle
+from deformer_app.viewer.handle_rows import handle_rows
+from deformer_app.viewer.poses import PoseShelf, SavedPose, check_poses_fit, read_poses
+from deformer_app.viewer.timeline.keys import NO_KEYS, Clip
+from deformer_app.viewer.timeline.storage import check_clip_fits, clips_as_json, read_clips
 
 FORMAT = 1
 
@@ -37,11 +40,13 @@ class Entry:
         label: what was done, in words for the user.
         edit: the state that it led to.
         solution: the pose of that state, once it has been solved for.
+        clip: the keys of the timeline.
     """
 
     label: str
     edit: Edit
     solution: Solution | None = None
+    clip: Clip = NO_KEYS
 
 
 @dataclass(frozen=True)
@@ -68,17 +73,35 @@ class Session:
         entries: the history, never empty.
         cursor: the entry that is shown.
         view: state of the window (camera, colours), as JSON values.
+        frame: the playhead of the timeline; no step of the history.
+        shelf: poses that the user has saved.
+        component_names: component → name that the user has given to it in this session; empty where
+            the user has removed the model's.
+        saved_as: of an autosave, the file in which the user has saved the session; else empty.
     """
 
     model: ModelName
     entries: list[Entry]
     cursor: int = 0
     view: dict[str, Any] = field(default_factory=dict)
+    frame: int = 0
+    shelf: PoseShelf = field(default_factory=PoseShelf)
+    component_names: dict[int, str] = field(default_factory=dict)
+    saved_as: str = ""
 
     def __post_init__(self) -> None:
         """Start without a change."""
         self._live: Edit | None = None
-        self._saved: Entry | None = self.entries[self.cursor]
+        self._note_saved()
+
+    def _note_saved(self) -> None:
+        self._saved: Entry | None = self.entry
+        self._saved_beside = self._beside_history
+
+    @property
+    def _beside_history(self) -> tuple[tuple[SavedPose, ...], dict[int, str]]:
+        """What a session stores beside its history, and undo leaves alone."""
+        return self.shelf.poses, dict(self.component_names)
 
     @classmethod
     def begin(cls, model: ModelName, base: ArrayLike) -> Session:
@@ -109,15 +132,50 @@ class Session:
         """Discard the current change."""
         self._live = None
 
-    def commit(self, label: str, solution: Solution | None = None) -> bool:
-        """Make the current change an entry; return False if nothing is different."""
+    def commit(
+        self, label: str, solution: Solution | None = None, clip: Clip | None = None
+    ) -> bool:
+        """Make the current change an entry; return False if nothing is different.
+
+        Args:
+            label: what was done.
+            solution: the pose of the state, if it is known.
+            clip: the keys that go with the state; None keeps those of the entry before.
+        """
         edit, self._live = self.edit, None
         if edit == self.entry.edit:
             return False
-        del self.entries[self.cursor + 1 :]
-        self.entries.append(Entry(label, edit, solution))
-        self.cursor += 1
+        self._append(Entry(label, edit, solution, self.clip if clip is None else clip))
         return True
+
+    def _append(self, entry: Entry) -> None:
+        del self.entries[self.cursor + 1 :]
+        self.entries.append(entry)
+        self.cursor += 1
+
+    @property
+    def clip(self) -> Clip:
+        """The keys of the timeline."""
+        return self.entry.clip
+
+    def change_clip(self, label: str, clip: Clip) -> bool:
+        """Make other keys an entry of the same state; return False if nothing is different."""
+        if clip == self.clip:
+            return False
+        self._append(replace(self.entry, label=label, clip=clip))
+        return True
+
+    def show(self, edit: Edit) -> None:
+        """Make a state that of the shown entry, as the playhead does: no step of the history."""
+        if edit != self.entry.edit:
+            self._replace_entry(replace(self.entry, edit=edit, solution=None))
+
+    def _replace_entry(self, entry: Entry) -> None:
+        """Change the shown entry in its place; a saved session still counts as saved."""
+        was_saved = self._saved is self.entry
+        self.entries[self.cursor] = entry
+        if was_saved:
+            self._saved = entry
 
     def do(self, label: str, edit: Edit) -> bool:
         """Change and commit at once."""
@@ -125,12 +183,14 @@ class Session:
         return self.commit(label)
 
     def solved(self, edit: Edit, solution: Solution) -> None:
-        """Store the pose of the shown entry, if it is the solution of that edit."""
-        if self._live is None and edit == self.entry.edit:
-            was_saved = self._saved is self.entry
-            self.entries[self.cursor] = replace(self.entry, solution=solution)
-            if was_saved:
-                self._saved = self.entry
+        """Store the pose of the shown entry, if it is the solution of that edit.
+
+        One that is not final does not replace one that is.
+        """
+        last = self.entry.solution
+        better = solution.final or last is None or not last.final
+        if better and self._live is None and edit == self.entry.edit:
+            self._replace_entry(replace(self.entry, solution=solution))
 
     @property
     def can_undo(self) -> bool:
@@ -155,7 +215,9 @@ class Session:
     @property
     def changed(self) -> bool:
         """True if there are unsaved changes."""
-        return self.under_way or self._saved is not self.entry
+        if self.under_way or self._saved is not self.entry:
+            return True
+        return self._saved_beside != self._beside_history
 
     def mark_unsaved(self) -> None:
         """Count the session as unsaved, as after a crash."""
@@ -168,23 +230,33 @@ class Session:
         return max(used, default=0) + 1
 
     def summary(self) -> dict[str, Any]:
-        """Return the result for other programs: targets as `deformer fit` reads them, and the code.
+        """Return the result for other programs: a handles file of `deformer fit`, and the code.
 
-        `z` is None where the pose has not been solved for.
+        `z` is None where the pose has not been solved for; then there is no start either.
         """
-        rows = self.edit.arrays()
-        return {
+        edit, solution = self.edit, self.entry.solution
+        found: dict[str, Any] = {
             "model": self.model.path,
+            "fingerprint": self.model.fingerprint,
             "steps": self.cursor,
             "saved": not self.changed,
-            "handles": [_target(*row) for row in zip(*rows.values(), strict=True)],
-            "z": None if self.entry.solution is None else list(self.entry.solution.z),
+            "handles": handle_rows(edit.handles),
+            "regions": [handle.patch for handle in edit.handles if handle.is_region],
+            "prior": {"mean": list(edit.base), "noise": edit.noise, "body": edit.body},
+            "z": None if solution is None else list(solution.z),
         }
+        if edit.floor is not None:
+            found["floor"] = edit.floor
+        if solution is not None:
+            motion = {"rotation": solution.rotation, "translation": solution.translation}
+            found["start"] = {"z": list(solution.z), **motion}
+        return found
 
     def save(self, path: str | Path) -> None:
         """Write the whole session as JSON."""
+        self.saved_as = ""
         self.write_copy(path)
-        self._saved = self.entry
+        self._note_saved()
 
     def write_copy(self, path: str | Path) -> None:
         """Write the whole session as JSON; it still counts as unsaved."""
@@ -195,6 +267,7 @@ class Session:
         """Return the file's contents: each handle and base once, and entries with their indices."""
         handles: dict[Handle, int] = {}
         bases: dict[tuple[float, ...], int] = {}
+        clips: dict[Clip, int] = {}
         entries = []
         for entry in self.entries:
             edit = entry.edit
@@ -206,7 +279,9 @@ class Session:
                     "base": bases.setdefault(edit.base, len(bases)),
                     "noise": edit.noise,
                     "body": edit.body,
+                    "floor": edit.floor,
                     "solution": None if entry.solution is None else asdict(entry.solution),
+                    "clip": clips.setdefault(entry.clip, len(clips)),
                 }
             )
         return {
@@ -217,6 +292,11 @@ class Session:
             "entries": entries,
             "handles": [asdict(handle) for handle in handles],
             "bases": list(bases),
+            **clips_as_json(clips),
+            "frame": self.frame,
+            "saved_as": self.saved_as,
+            "poses": [pose.as_json() for pose in self.shelf.poses],
+            "component_names": {str(k): name for k, name in self.component_names.items()},
         }
 
     @classmethod
@@ -231,15 +311,22 @@ class Session:
             raise data["deformer_session"].error(
                 f"{FORMAT}", "the session is of another release: save it again there"
             )
-        handles = [_handle(item) for item in data["handles"].items()]
+        handles = [read_handle(item) for item in data["handles"].items()]
         bases = [_numbers(code) for code in data["bases"].items()]
-        entries = [_entry(item, handles, bases) for item in data["entries"].items()]
+        clips = read_clips(data)
+        entries = [_entry(item, handles, bases, clips) for item in data["entries"].items()]
         if not entries:
             raise data["entries"].error("a list of at least one entry")
         model = ModelName(data["model"]["path"].text(), data["model"]["fingerprint"].text())
         cursor = data["cursor"].integer(0, len(entries) - 1)
         view = {key: value.value for key, value in data["view"].entries()}
-        return cls(model, entries, cursor, view)
+        most = entries[cursor].clip.length - 1
+        frame = data["frame"].integer(0, most) if "frame" in data else 0
+        # Sessions of earlier versions have none of these.
+        shelf = PoseShelf(read_poses(data["poses"]) if "poses" in data else ())
+        names = _names(data["component_names"]) if "component_names" in data else {}
+        saved_as = data["saved_as"].text() if "saved_as" in data else ""
+        return cls(model, entries, cursor, view, frame, shelf, names, saved_as)
 
     def check_fits(self, model: deformer.DeformationModel, where: str | Path) -> None:
         """Raise InputError unless the session belongs to this model."""
@@ -248,8 +335,10 @@ class Session:
                 f"{where}: made with another model than this one (it was {self.model.path}); "
                 "open that one"
             )
+        check_poses_fit(self.shelf.poses, model, where)
         K, V = model.components, len(model.reference.vertices)
         for n, entry in enumerate(self.entries):
+            check_clip_fits(entry.clip, K, f"{where}: entries[{n}]")
             codes = [entry.edit.base, *([entry.solution.z] if entry.solution else [])]
             for code in codes:
                 if len(code) != K:
@@ -266,53 +355,37 @@ class Session:
                     )
 
 
-def _handle(item: io.JsonValue) -> Handle:
-    vertices = item["vertices"].integers(least=0)
-    if not vertices:
-        raise item["vertices"].error("a list of at least one vertex")
-    # Sessions of earlier versions have neither.
-    turn = item["orientation"].value if "orientation" in item else None
-    factor = "orientation_weight"
-    handle = Handle(
-        item["id"].integer(least=0),
-        tuple(vertices),
-        tuple(point(target.numbers(3)) for target in item["targets"].items(len(vertices))),
-        item["kind"].choice(KINDS),
-        item["weight"].number(above=0, most=io.LARGEST),
-        tuple(item["patch"].integers(least=0)),
-        orientation_weight=item[factor].number(above=0, most=1e4) if factor in item else 1.0,
-    )
-    return handle if turn is None else handle.oriented(item["orientation"].rotation())
+def _names(value: io.JsonValue) -> dict[int, str]:
+    names = {}
+    for key, name in value.entries():
+        if not key.isdecimal() or len(key) > 9:
+            raise value.error('an object of components, such as {"3": "nod"}')
+        names[int(key)] = name.text()
+    return names
 
 
-def _target(
-    vertex: int,
-    target: Point,
-    weight: float,
-    kind: str,
-    orientation: Orientation | None,
-    orientation_weight: float,
-) -> dict[str, Any]:
-    """An entry of a handles file."""
-    entry = {"vertex": vertex, "position": list(target), "weight": weight, "kind": kind}
-    if orientation is not None:
-        entry |= {"orientation": orientation, "orientation_weight": orientation_weight}
-    return entry
-
-
-def _entry(item: io.JsonValue, handles: list[Handle], bases: list[tuple[float, ...]]) -> Entry:
+def _entry(
+    item: io.JsonValue, handles: list[Handle], bases: list[tuple[float, ...]], clips: list[Clip]
+) -> Entry:
     edit = Edit(
         bases[item["base"].integer(0, len(bases) - 1)],
         tuple(handles[n] for n in item["handles"].integers(0, len(handles) - 1)),
         item["noise"].number(above=0, most=io.LARGEST),
         item["body"].choice(BODIES),
+        # Sessions of earlier versions have no floor.
+        item["floor"].number(least=-io.LARGEST, most=io.LARGEST)
+        if "floor" in item and item["floor"].value is not None
+        else None,
     )
     found = item["solution"]
     solution = None
     if found.value is not None:
         parts = _point(found["rotation"]), _point(found["translation"])
-        solution = Solution(_numbers(found["z"]), *parts)
-    return Entry(item["label"].text(), edit, solution)
+        # Sessions of earlier versions show every solution as it is.
+        final = found["final"].flag() if "final" in found else True
+        solution = Solution(_numbers(found["z"]), *parts, final)
+    clip = clips[item["clip"].integer(0, len(clips) - 1)] if clips else NO_KEYS
+    return Entry(item["label"].text(), edit, solution, clip)
 
 
 def _numbers(value: io.JsonValue, length: int | None = None) -> tuple[float, ...]:

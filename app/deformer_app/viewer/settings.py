@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,8 @@ from filelock import FileLock, Timeout
 from deformer import InputError, io
 
 _RECENT = 10
+_THUMBNAILS = "thumbnails"  # folder of the pictures of recent files
+_MODELS = 50  # whose pinned components are remembered
 
 
 class EditInterrupted(KeyboardInterrupt):
@@ -39,7 +43,7 @@ class Settings:
         self.folder = folder or Path(
             os.environ.get("DEFORMER_SETTINGS") or typer.get_app_dir("deformer")
         )
-        self.folder.mkdir(parents=True, exist_ok=True)
+        (self.folder / _THUMBNAILS).mkdir(parents=True, exist_ok=True)
         self._file = self.folder / "settings.json"
         # The system releases a lock when its process ends, however it ends.
         self._lock: FileLock | None = None
@@ -73,10 +77,28 @@ class Settings:
         """Paths of the models and sessions opened last, the latest first."""
         return [str(name) for name in self._read().get("recent", [])]
 
-    def remember(self, path: str) -> None:
-        """Put a model or session first among the recent ones."""
-        others = [name for name in self.recent if name != path]
-        self._write(recent=[path, *others][:_RECENT])
+    def remember(self, path: str, model: str = "") -> None:
+        """Put a model, or a session of `model`, first among the recent ones."""
+        paths = [path, *(name for name in self.recent if name != path)][:_RECENT]
+        models = {**self._models(), path: model}
+        self._write(recent=paths, models={name: models.get(name, "") for name in paths})
+        kept = {self.thumbnail(name).name for name in paths}
+        for picture in (self.folder / _THUMBNAILS).glob("*.png"):
+            if picture.name not in kept:
+                picture.unlink(missing_ok=True)
+
+    def _models(self) -> dict[str, str]:
+        found = self._read().get("models", {})
+        return found if isinstance(found, dict) else {}
+
+    def model_of(self, path: str) -> str:
+        """Return the model that a recent path is, or is a session of; empty if not known."""
+        return str(self._models().get(path, ""))
+
+    def thumbnail(self, path: str) -> Path:
+        """Return the file of the picture of a recent path; it may be missing."""
+        name = hashlib.sha256(path.encode()).hexdigest()[:24]
+        return self.folder / _THUMBNAILS / f"{name}.png"
 
     @property
     def layout(self) -> tuple[str, str]:
@@ -87,6 +109,40 @@ class Settings:
     def note_layout(self, geometry: str, docks: str) -> None:
         """Remember the geometry of the window and of its docks."""
         self._write(layout=[geometry, docks])
+
+    @property
+    def dark(self) -> bool | None:
+        """True for the dark theme, False for the light one, None for the system's."""
+        chosen = self._read().get("dark")
+        return chosen if isinstance(chosen, bool) else None
+
+    def note_dark(self, dark: bool | None) -> None:
+        """Remember the theme; None follows the system."""
+        self._write(dark=dark)
+
+    @property
+    def component_order(self) -> str:
+        """Order in which components are listed, as the panel has noted it; empty at first."""
+        return str(self._read().get("component_order", ""))
+
+    def note_component_order(self, order: str) -> None:
+        """Remember the order in which components are listed."""
+        self._write(component_order=order)
+
+    def pinned(self, fingerprint: str) -> list[int]:
+        """Pinned components of the model with a fingerprint, in the order of pinning."""
+        found = self._pinned().get(fingerprint, [])
+        return [k for k in found if type(k) is int and k >= 0] if isinstance(found, list) else []
+
+    def note_pinned(self, fingerprint: str, components: Sequence[int]) -> None:
+        """Remember the pinned components of a model."""
+        others = {key: value for key, value in self._pinned().items() if key != fingerprint}
+        newest = {fingerprint: list(components)} if components else {}
+        self._write(pinned=dict([*others.items(), *newest.items()][-_MODELS:]))
+
+    def _pinned(self) -> dict[str, Any]:
+        found = self._read().get("pinned", {})
+        return found if isinstance(found, dict) else {}
 
     @property
     def tour_seen(self) -> bool:
@@ -111,8 +167,9 @@ class Settings:
         return max(own, key=lambda path: path.stat().st_mtime, default=None)
 
     def forget(self, path: Path) -> None:
-        """Delete an autosave."""
+        """Delete an autosave and its picture."""
         path.unlink(missing_ok=True)
+        path.with_suffix(".png").unlink(missing_ok=True)
 
     def close(self, keep: bool = False) -> None:
         """Release this run's autosave, and delete it at a regular end.

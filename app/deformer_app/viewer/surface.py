@@ -1,4 +1,4 @@
-"""The edited surface, its colours and a translucent mesh to compare, as VTK actors."""
+"""The edited surface, its colours and the painted region, as VTK actors."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ import pyvista as pv
 from numpy.typing import NDArray
 from vtkmodules.vtkRenderingCore import vtkActor
 
-from deformer import Mesh
-from deformer_app.rendering.palette import DIVERGING, HEAT, REGION, Theme
+from deformer_app.rendering.fonts import use_sans
+from deformer_app.rendering.palette import DIVERGING, HEAT, Theme
 from deformer_app.viewer.colouring import Paint
+from deformer_app.viewer.patches import Patch, Patches
 
 # Options of every actor: the view alone decides when to draw, and the camera.
 _PASSIVE: dict[str, Any] = {"render": False, "reset_camera": False}
@@ -24,16 +25,21 @@ class Surface:
     Args:
         plotter: of any kind.
         theme: colours.
+
+    Attributes:
+        patches: parts of the mesh in colours of their own.
     """
 
     def __init__(self, plotter: Any, theme: Theme) -> None:
         """Begin without a mesh."""
         self._plotter, self._theme = plotter, theme
+        self.patches = Patches(plotter)
         self._data: pv.PolyData | None = None
         self._actors: dict[str, Any] = {}
         self._paint: Paint | None = None
         self._smooth, self._edges = True, False
         self.faces = np.empty((0, 3), dtype=np.int64)
+        self.edges = np.empty((0, 2), dtype=np.int64)
         self.vertices = np.empty((0, 3))
 
     @property
@@ -50,10 +56,13 @@ class Surface:
             normals: (V, 3) of the vertices, of length 1.
         """
         self.faces, self.vertices = faces, vertices
+        ends = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        self.edges = np.unique(ends, axis=0)
         self._data = _poly_data(vertices, faces)
         self._data.point_data["Normals"] = normals.astype(np.float32)
         self._data.point_data.active_normals_name = "Normals"
         self._paint = None
+        self.patches.clear()
         for name in list(self._actors):
             self._remove(name)
         self._add_mesh()
@@ -68,8 +77,8 @@ class Surface:
         np.asarray(self._data.point_data["Normals"])[:] = normals
         self._data.GetPointData().GetNormals().Modified()
         self._data.Modified()
-        if "region" in self._actors:
-            self._actors["region"].mapper.dataset.points = self._data.points
+        if self.patches.shown:
+            self.patches.move(self._data.points)
 
     def paint(self, paint: Paint | None) -> None:
         """Colour the mesh by values; None removes the colours."""
@@ -92,46 +101,17 @@ class Surface:
         """Change the colours."""
         self._theme = theme
         self._add_mesh()
-        if "ghost" in self._actors:
-            self._actors["ghost"].prop.color = theme.ghost
 
-    def show_ghost(self, mesh: Mesh | None) -> None:
-        """Show another mesh translucently, or none."""
-        self._remove("ghost")
-        if mesh is not None:
-            self._actors["ghost"] = self._plotter.add_mesh(
-                _poly_data(mesh.vertices, mesh.faces),
-                name="ghost",
-                color=self._theme.ghost,
-                opacity=0.28,
-                smooth_shading=True,
-                pickable=False,
-                **_PASSIVE,
-            )
+    @property
+    def normals(self) -> NDArray[np.float32]:
+        """Normals (V, 3) of the vertices as they are shown."""
+        assert self._data is not None, "there is no mesh yet"
+        return np.asarray(self._data.point_data["Normals"])
 
-    def show_region(self, vertices: Sequence[int]) -> None:
-        """Colour the faces whose corners are all among `vertices`."""
-        self._remove("region")
-        if not len(vertices) or self._data is None:
-            return
-        inside = np.zeros(len(self.vertices), dtype=bool)
-        inside[list(vertices)] = True
-        faces = self.faces[inside[self.faces].all(axis=1)]
-        if not len(faces):
-            return
-        actor = self._plotter.add_mesh(
-            pv.PolyData(self._data.points, np.insert(faces, 0, 3, axis=1).ravel()),
-            name="region",
-            color=REGION,
-            opacity=0.75,
-            lighting=False,
-            pickable=False,
-            copy_mesh=False,
-            **_PASSIVE,
-        )
-        actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
-        actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(-2, -2)
-        self._actors["region"] = actor
+    def show_patches(self, patches: Sequence[Patch]) -> None:
+        """Show patches of the surface in their colours, in place of those before."""
+        if self._data is not None and tuple(patches) != self.patches.shown:
+            self.patches.show(patches, self._data.points, self.faces)
 
     def _remove(self, name: str) -> None:
         if self._actors.pop(name, None) is not None:
@@ -198,12 +178,14 @@ class Surface:
             position_y=0.3,
             n_labels=3,
             fmt="%.2g",
-            title_font_size=14,
-            label_font_size=13,
+            title_font_size=13,
+            label_font_size=12,
             color=self._theme.ink,
             render=False,
         )
         bar.SetVerticalTitleSeparation(10)
+        for text in (bar.GetTitleTextProperty(), bar.GetLabelTextProperty()):
+            use_sans(text)
 
 
 def _poly_data(vertices: NDArray, faces: NDArray) -> pv.PolyData:

@@ -7,6 +7,13 @@ from pathlib import Path
 
 import deformer
 from deformer import InputError, TrainingProgress, examine, io
+from deformer_app.viewer.training_advice import comment, suggested_components
+from deformer_app.viewer.training_estimate import TrainingEstimate
+
+
+def checkpoint_of(output: Path) -> Path:
+    """Return the folder of the checkpoints of a model's training, as `deformer train` names it."""
+    return output.parent / f"{output.name}.checkpoint"
 
 
 class TrainingJob:
@@ -15,16 +22,30 @@ class TrainingJob:
     Args:
         shapes: directory or NPZ of example shapes.
         output: directory that the model is written to.
-        components: latent dimensions.
+        components: latent dimensions; None suits them to the number of shapes.
         epochs: steps, or None for the configuration's.
         up: axis of the shapes that points up.
+        resume: go on from the checkpoint of a training that was stopped.
+
+    Attributes:
+        estimate: how far it is.
+        advice: what to tell of the chosen number of components, once the shapes are read.
     """
 
     def __init__(
-        self, shapes: Path, output: Path, components: int, epochs: int | None, up: str
+        self,
+        shapes: Path,
+        output: Path,
+        components: int | None,
+        epochs: int | None,
+        up: str,
+        resume: bool = False,
     ) -> None:
         """Start."""
         self.output = output
+        self.estimate = TrainingEstimate()
+        self.advice = ""
+        self._resume, self._keep = resume, False
         self.progress: TrainingProgress | None = None
         self.error: Exception | None = None
         self.done = False
@@ -35,16 +56,26 @@ class TrainingJob:
         )
         self._thread.start()
 
-    def cancel(self) -> None:
-        """Stop after the current step; nothing is written."""
+    def cancel(self, keep: bool = False) -> None:
+        """Stop after the current step; no model is written.
+
+        Args:
+            keep: leave the checkpoint, so that the training can go on from it.
+        """
+        self._keep = keep
         self._stop = True
+
+    def wait(self, seconds: float) -> bool:
+        """Wait at most so long for the end; return True once it has come."""
+        self._thread.join(seconds)
+        return not self._thread.is_alive()
 
     @property
     def cancelled(self) -> bool:
         """True once the user has stopped it."""
         return self._stop
 
-    def _run(self, source: Path, components: int, epochs: int | None, up: str) -> None:
+    def _run(self, source: Path, components: int | None, epochs: int | None, up: str) -> None:
         try:
             deformer.check_model_folder(self.output)
             with io.locked(self.output):
@@ -53,27 +84,44 @@ class TrainingJob:
                 if not report.usable:
                     errors = [f.message for f in report.findings if f.severity == "error"]
                     raise InputError(f"{source}: {errors[0] if errors else 'unusable'}")
+                if components is None:
+                    components = suggested_components(len(shapes))
+                self.advice = comment(components, len(shapes))
                 model = deformer.train(
                     shapes,
                     components,
                     epochs=epochs,
                     up=up,
                     document=deformer.load_document(source),
+                    checkpoint=checkpoint_of(self.output),
+                    resume=self._resume,
                     on_progress=self._report,
                 )
                 if not self._stop:
                     model.save(self.output)
+                    deformer.remove_checkpoint(checkpoint_of(self.output))
         except KeyboardInterrupt:
             pass  # cancelled before the first step
         except Exception as error:  # the window shows it
             self.error = error
         finally:
+            if self._stop and not self._keep:
+                self._forget_checkpoint()
             self.done = True
+
+    def _forget_checkpoint(self) -> None:
+        checkpoint = checkpoint_of(self.output)
+        if deformer.has_checkpoint(checkpoint):
+            try:
+                deformer.remove_checkpoint(checkpoint)
+            except (OSError, InputError) as error:
+                self.error = error
 
     def _loading(self, done: int, total: int) -> None:
         self._report(TrainingProgress("loading", done, total))
 
     def _report(self, progress: TrainingProgress) -> None:
+        self.estimate.follow(progress)
         self.progress = progress
         if self._stop:
             raise KeyboardInterrupt

@@ -1,57 +1,46 @@
-"""State of the picture apart from the pose: camera, look, selection, manipulator, target."""
+"""State of the picture apart from the pose: look, tool, selection, manipulator, target."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 import deformer
-from deformer import DeformationModel, Mesh, io
-from deformer_app.rendering.camera import Camera, aim, upright_axes
-from deformer_app.rendering.palette import DARK, KINDS, LIGHT, SELECTED
+from deformer import DeformationModel, Mesh
+from deformer_app.rendering.camera import Camera
+from deformer_app.rendering.palette import DARK, LIGHT, REGION
 from deformer_app.viewer.changes import (
-    CameraMoved,
     Change,
     HandlesChanged,
     HoverChanged,
     LookChanged,
+    MenuAsked,
 )
-from deformer_app.viewer.colouring import COLOURINGS, Paint
-from deformer_app.viewer.edit import Handle, point
+from deformer_app.viewer.colouring import Paint
+from deformer_app.viewer.drawn_handles import DrawnHandles
+from deformer_app.viewer.edit import Edit, Handle
 from deformer_app.viewer.events import Pixel
 from deformer_app.viewer.gizmo import Gizmo, Mode
-from deformer_app.viewer.overlays import HandleDots
+from deformer_app.viewer.look import Look
+from deformer_app.viewer.manipulator import Axes, Manipulator
+from deformer_app.viewer.model_files import of_open_model
+from deformer_app.viewer.patches import Patch
+from deformer_app.viewer.previous_pose import PreviousPose
+from deformer_app.viewer.reference_picture import ReferencePicture
+from deformer_app.viewer.saved_cameras import SavedCameras
 from deformer_app.viewer.scene import MeshView
-from deformer_app.viewer.stage import Hover, Tool
+from deformer_app.viewer.stage import Hover, Measure, Tool
 from deformer_app.viewer.target import Target
+from deformer_app.viewer.view_cube import Side, side_at
+from deformer_app.viewer.viewpoint import Viewpoint
 
 _REST = 0.25  # seconds without change after which the picture is drawn sharply
-_NEAR = 10.0  # pixels from a handle within which a press is on it
-_BALL, _REGION_BALL, _HOVERED_MORE = 14, 8, 4  # pixels
-
-
-@dataclass(frozen=True)
-class Look:
-    """How the picture is drawn; part of a session.
-
-    Args:
-        colour: name of a colouring, see `Colouring`.
-        ghost: which other mesh is drawn translucently.
-        wireframe: draw the faces' edges.
-        smooth: shade across the edges of faces.
-        dark: use the dark theme.
-    """
-
-    colour: str = "plain"
-    ghost: Literal["none", "reference", "target"] = "none"
-    wireframe: bool = False
-    smooth: bool = True
-    dark: bool = False
+_COMPARED = "compared"  # name of the ghost that the look chooses
 
 
 class ViewState:
@@ -61,24 +50,42 @@ class ViewState:
         view: the picture.
         announce: called with every change.
         wake: called when the picture must be drawn again.
+        run: runs a job step by step.
+
+    Attributes:
+        viewpoint: the camera, with its framing.
+        cameras: those that the user has saved.
+        reference_picture: what the user poses by.
+        drawings: called before each frame with the surface (V, 3) and the handles, to draw more.
+        acting: gives handles with their targets where they act, which is where they are drawn.
     """
 
     def __init__(
-        self, view: MeshView, announce: Callable[[Change], Any], wake: Callable[[], Any]
+        self,
+        view: MeshView,
+        announce: Callable[[Change], Any],
+        wake: Callable[[], Any],
+        run: Callable[[Iterator[None]], Any],
     ) -> None:
         """Begin without a mesh."""
         self.view = view
         self.look = Look()
         self.tool: Tool = "drag"
-        self.gizmo_mode: Mode = "move"
+        self.manipulator = Manipulator()
         self.selected: frozenset[int] = frozenset()
+        self._gone: frozenset[int] = frozenset()  # selected once they are there again
         self.hovered = Hover()
         self.target: Target | None = None
-        self._camera = Camera((0, 0, 5), (0, 0, 0), (0, 1, 0))
+        self.drawings: list[Callable[[NDArray[np.float64], Sequence[Handle]], Any]] = []
+        self.acting: Callable[[Sequence[Handle]], Sequence[Handle]] = lambda handles: handles
+        self.stroke: tuple[int, ...] = ()  # vertices painted so far
         self._announce, self._wake = announce, wake
+        self.viewpoint = Viewpoint(view, announce, self.invalidate)
         self._reference: Mesh | None = None
-        self._up = "y"
         self._paint: Paint | None = None
+        self.cameras = SavedCameras()
+        self.reference_picture = ReferencePicture(view.plane, run, self.invalidate)
+        self._previous = PreviousPose()
         self._stale = False
         self._changed_at = self._drawn_at = 0.0
 
@@ -90,10 +97,24 @@ class ViewState:
     def show_model(self, model: DeformationModel) -> None:
         """Begin with the reference of a model."""
         self._reference = model.reference
-        self._up = str(model.summary.get("up", "y"))
+        self.viewpoint.begin(model)
+        self.cameras, self._previous = SavedCameras(), PreviousPose()
         self.selected, self.hovered, self.target, self.tool = frozenset(), Hover(), None, "drag"
+        self._gone = frozenset()
+        self.stroke = ()
         vertices, faces = model.reference.vertices, model.reference.faces
         self.view.surface.set_mesh(vertices, faces, deformer.vertex_normals(vertices, faces))
+        self.view.ghosts.set_faces(faces)
+
+    @property
+    def camera(self) -> Camera:
+        """The camera that the picture is seen by."""
+        return self.viewpoint.camera
+
+    @property
+    def reference(self) -> Mesh:
+        """The reference of the model that is shown."""
+        return of_open_model(self._reference)
 
     # When to draw.
 
@@ -123,46 +144,20 @@ class ViewState:
         self._stale = False
         self.view.sharpen(False)
         overlays, vertex = self.view.overlays, self.hovered.vertex
-        overlays.show_handles(self._dots(vertices, handles)[0])
-        oriented = [handle for handle in handles if handle.orientation is not None]
+        drawn = self.drawn_handles(vertices, handles)
+        overlays.show_handles(drawn.dots)
+        oriented = [handle for handle in self.acting(handles) if handle.orientation is not None]
         overlays.show_frames([(h.centre, np.array(h.orientation)) for h in oriented])
         overlays.show_hover([] if vertex is None else vertices[[vertex]])
         overlays.show_gizmo(self.gizmo(handles), self.hovered.part)
+        self.view.cube.light(self.hovered.side)
+        self.view.surface.show_patches(
+            [*drawn.patches, *([Patch(self.stroke, REGION)] if self.stroke else ())]
+        )
+        for drawing in self.drawings:
+            drawing(vertices, handles)
         self.view.render()
         self._drawn_at = time.perf_counter()
-
-    # Camera.
-
-    @property
-    def camera(self) -> Camera:
-        """The camera of the picture."""
-        return self._camera
-
-    def set_camera(self, camera: Camera) -> None:
-        """Set the camera."""
-        self._camera = camera
-        self.view.look(camera)
-        self.invalidate()
-        self._announce(CameraMoved())
-
-    @property
-    def sky(self) -> NDArray[np.float64]:
-        """The model's up direction (3,)."""
-        return upright_axes(self._up)[1]
-
-    def frame(self, vertices: ArrayLike, azimuth: float = 25.0, elevation: float = 8.0) -> None:
-        """Aim the camera at points (n, 3) from a direction in degrees; see `aim`."""
-        width, height = self.view.size
-        self.set_camera(
-            aim(
-                vertices,
-                up=self._up,
-                azimuth=azimuth,
-                elevation=elevation,
-                aspect=width / height,
-                margin=0.17,
-            )
-        )
 
     # Looks.
 
@@ -174,12 +169,30 @@ class ViewState:
         if theme is not view.theme:
             view.set_theme(theme)
         view.surface.set_style(look.smooth, look.wireframe)
-        ghosts = {"reference": self._reference, "target": self.target_mesh, "none": None}
-        view.surface.show_ghost(ghosts[look.ghost])
+        self._show_ghost()
+        view.cube.show(look.cube)
         if before.colour != look.colour:
             self.show_paint(None)
         self.invalidate()
         self._announce(LookChanged())
+
+    def _show_ghost(self) -> None:
+        """Show the mesh that the look names, or none."""
+        meshes = {"reference": self._reference, "target": self.target_mesh}
+        mesh = meshes.get(self.look.ghost)
+        previous = self._previous.vertices if self.look.ghost == "previous" else None
+        vertices = previous if mesh is None else mesh.vertices
+        if vertices is None:
+            self.view.ghosts.hide(_COMPARED)
+        else:
+            self.view.ghosts.show(_COMPARED, vertices)
+
+    def note_pose(self, edit: Edit, vertices: NDArray[np.float64], final: bool) -> None:
+        """Follow a pose of an edit for the ghost of the previous one; see `PreviousPose`."""
+        before = self._previous.vertices
+        self._previous.note(edit, vertices, final)
+        if self.look.ghost == "previous" and self._previous.vertices is not before:
+            self._show_ghost()
 
     def show_paint(self, paint: Paint | None) -> None:
         """Colour the surface."""
@@ -199,15 +212,31 @@ class ViewState:
 
     def set_gizmo(self, mode: Mode) -> None:
         """Choose what the manipulator does."""
-        self.gizmo_mode = mode
+        self.manipulator.mode = mode
         self.invalidate()
         self._announce(LookChanged())
+
+    def set_axes(self, axes: Axes) -> None:
+        """Choose whose axes the manipulator has."""
+        self.manipulator.axes = axes
+        self.invalidate()
+        self._announce(LookChanged())
+
+    def show_measure(self, measure: Measure | None) -> None:
+        """Write how far the manipulator has been dragged, and hold its axes until None."""
+        self.manipulator.held = None if measure is None else measure.frame
+        self.show_label(*((0.0, 0.0), "") if measure is None else (measure.pixel, measure.text))
+
+    def show_label(self, pixel: Pixel, text: str) -> None:
+        """Write a line beside the cursor at a pixel; an empty one removes it."""
+        self.view.overlays.show_label(pixel, text)
+        self.invalidate()
 
     # Handles.
 
     def select(self, handles: Iterable[int], add: bool = False, toggle: bool = False) -> None:
         """Select handles by their ids: these alone, in addition, or toggled."""
-        new = frozenset(handles)
+        new, self._gone = frozenset(handles), frozenset()
         if toggle:
             new = self.selected ^ new
         elif add:
@@ -218,8 +247,13 @@ class ViewState:
             self._announce(HandlesChanged())
 
     def forget_missing(self, handles: Iterable[Handle]) -> None:
-        """Deselect all ids that are not in `handles`."""
-        self.selected &= {handle.id for handle in handles}
+        """Deselect all ids that are not in `handles`.
+
+        Until something else is selected, a later call that has them again selects them again:
+        undone and redone, a handle is selected as it was.
+        """
+        wanted, there = self.selected | self._gone, {handle.id for handle in handles}
+        self.selected, self._gone = wanted & there, wanted - there
 
     def selection(self, handles: Iterable[Handle]) -> list[Handle]:
         """Return the selected ones of `handles`."""
@@ -231,14 +265,13 @@ class ViewState:
 
     def gizmo(self, handles: Iterable[Handle]) -> Gizmo | None:
         """Return the manipulator of those of `handles` that are selected and can be moved."""
-        moved = self.movable(handles)
-        if not moved or self.tool == "paint":
+        if self.tool == "paint":
             return None
-        several = sum(len(handle.vertices) for handle in moved) > 1
-        centre = point(np.mean([handle.centre for handle in moved], axis=0))
-        # Nothing of a single point can be scaled.
-        return Gizmo(
-            centre, "move" if self.gizmo_mode == "scale" and not several else self.gizmo_mode
+        return self.manipulator.gizmo(
+            self.acting(self.movable(handles)),
+            lambda: self.view.surface.normals,
+            self.camera,
+            self.viewpoint.sky,
         )
 
     def hover(self, found: Hover) -> None:
@@ -248,116 +281,18 @@ class ViewState:
             self.invalidate()
             self._announce(HoverChanged())
 
-    def handle_at(
-        self, pixel: Pixel, vertices: NDArray[np.float64], handles: Sequence[Handle]
-    ) -> int | None:
-        """Return the id of the visible handle whose vertex or target is at a pixel.
+    def ask_for_menu(self, pixel: Pixel, under: Hover) -> None:
+        """Announce that the user asks for the menu of what is under a pixel."""
+        self._announce(MenuAsked(pixel, under))
 
-        Args:
-            pixel: of the picture.
-            vertices: (V, 3) the surface that the handles lie on.
-            handles: all that there are.
-        """
-        if not handles:
+    def cube_at(self, pixel: Pixel) -> Side | None:
+        """Return the part of the orientation cube at a pixel, if it is shown."""
+        if not self.view.cube.shown:
             return None
-        dots, owners = self._dots(vertices, handles)
-        both = np.vstack([dots.positions, dots.targets])
-        apart = self.camera.project(both, self.view.size) - pixel
-        distance = np.sqrt((apart**2).sum(axis=1))
-        for row in np.argsort(distance):
-            if distance[row] > _NEAR:
-                return None
-            if row >= len(owners) or self.view.sees(both[row]):  # nothing hides a target
-                return owners[row % len(owners)]
-        return None
+        return side_at(pixel, self.camera.axes() @ self.view.frame.T, self.view.size)
 
-    def handles_in(
-        self, low: Pixel, high: Pixel, vertices: NDArray[np.float64], handles: Sequence[Handle]
-    ) -> list[int]:
-        """Return the ids of the handles within a rectangle of the picture; see `handle_at`."""
-        if not handles:
-            return []
-        dots, owners = self._dots(vertices, handles)
-        at = self.camera.project(dots.positions, self.view.size)
-        inside = ((at >= low) & (at <= high)).all(axis=1)
-        return sorted({owners[n] for n in np.flatnonzero(inside)})
-
-    def _dots(
+    def drawn_handles(
         self, vertices: NDArray[np.float64], handles: Sequence[Handle]
-    ) -> tuple[HandleDots, list[int]]:
-        """Dots of all handles, and the id of the handle that each belongs to."""
-        rows = [
-            (vertex, target, handle)
-            for handle in handles
-            for vertex, target in zip(handle.vertices, handle.targets, strict=True)
-        ]
-        colours = [
-            SELECTED if handle.id in self.selected else KINDS[handle.kind] for _, _, handle in rows
-        ]
-        sizes = [
-            (_REGION_BALL if handle.is_region else _BALL)
-            + (_HOVERED_MORE if handle.id == self.hovered.handle else 0)
-            for _, _, handle in rows
-        ]
-        targets = np.array([target for _, target, _ in rows]).reshape(-1, 3)
-        positions = vertices[[vertex for vertex, _, _ in rows]]
-        return HandleDots(positions, targets, colours, sizes), [h.id for _, _, h in rows]
-
-    # In a session.
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the part of this state that a session stores."""
-        return {
-            "camera": asdict(self._camera),
-            "look": asdict(self.look),
-            "target": None if self.target is None else self.target.as_json(),
-        }
-
-    def restore(self, data: dict[str, Any]) -> list[str]:
-        """Restore the result of `as_json`, as far as it is complete.
-
-        Returns:
-            Messages for the user.
-
-        Raises:
-            InputError: the data are damaged.
-        """
-        assert self._reference is not None, "no model is shown"
-        message = ""
-        view = io.JsonValue(data, "session", "view")
-        if data.get("camera"):
-            camera = view["camera"]
-            position, focal, up = (
-                point(camera[name].numbers(3)) for name in ("position", "focal", "up")
-            )
-            self._camera = Camera(
-                position, focal, up, camera["view_angle"].number(above=0, most=179)
-            )
-        look = _look(view["look"]) if "look" in data else Look()
-        if data.get("target"):
-            target = view["target"]
-            self.target, message = Target.restore(
-                target["path"].text(), target["sha256"].text(), self._reference
-            )
-        if self.target_mesh is None:
-            ghost = "none" if look.ghost == "target" else look.ghost
-            colour = "plain" if look.colour == "error" else look.colour
-            look = replace(look, ghost=ghost, colour=colour)
-        self.change_look(**asdict(look))
-        self.set_camera(self._camera)
-        return [message] if message else []
-
-
-def _look(value: io.JsonValue) -> Look:
-    flags = ("wireframe", "smooth", "dark")
-    value.check_keys((), ("colour", "ghost", *flags))
-    found: dict[str, Any] = {name: value[name].flag() for name in flags if name in value}
-    if "ghost" in value:
-        found["ghost"] = value["ghost"].choice(("none", "reference", "target"))
-    if "colour" in value:
-        name, _, number = value["colour"].text().partition(":")
-        known = name in COLOURINGS and (not number or (name == "component" and number.isdecimal()))
-        if not known:
-            raise value["colour"].error(f"one of {', '.join(COLOURINGS)}")
-        found["colour"] = value["colour"].value
-    return Look(**found)
+    ) -> DrawnHandles:
+        """Return handles of a surface (V, 3) as they are drawn, to find those under the mouse."""
+        return DrawnHandles(vertices, self.acting(handles), self.selected, self.hovered.handle)

@@ -30,10 +30,21 @@ def listen(
     view: MeshView,
     handle: Callable[[MouseEvent], Any],
     handle_key: Callable[[KeyPressed], Any] = lambda event: None,
+    buttons: Callable[[], frozenset[Button] | None] = lambda: None,
 ) -> None:
-    """Report the mouse over a view's picture to `handle`, and keys to `handle_key`."""
+    """Report the mouse over a view's picture and the keys; VTK and pyvista act on neither.
+
+    Args:
+        view: the picture.
+        handle: called with what the mouse does.
+        handle_key: called with each key.
+        buttons: gives the buttons that are down while the mouse moves; None where the window
+            cannot tell.
+    """
     interactor = view.plotter.iren.interactor
     view.plotter.iren.style = vtkInteractorStyleUser()
+    # pyvista zooms, picks and ends by keys of its own.
+    view.plotter.iren.clear_key_event_callbacks()
 
     def pixel() -> Pixel:
         x, y = interactor.GetEventPosition()
@@ -48,10 +59,10 @@ def listen(
         )
 
     observers: dict[str, Callable[[], Any]] = {
-        "MouseMoveEvent": lambda: handle(MouseMoved(pixel(), keys())),
+        "MouseMoveEvent": lambda: handle(MouseMoved(pixel(), keys(), buttons())),
         "LeaveEvent": lambda: handle(MouseLeft()),
-        "MouseWheelForwardEvent": lambda: handle(WheelTurned(1.0, pixel())),
-        "MouseWheelBackwardEvent": lambda: handle(WheelTurned(-1.0, pixel())),
+        "MouseWheelForwardEvent": lambda: handle(WheelTurned(1.0, pixel(), keys())),
+        "MouseWheelBackwardEvent": lambda: handle(WheelTurned(-1.0, pixel(), keys())),
         "KeyPressEvent": lambda: handle_key(KeyPressed(interactor.GetKeySym() or "", keys())),
     }
     for name, button in _BUTTONS.items():

@@ -101,12 +101,16 @@ def test_a_result_beyond_memory_is_refused_before_it_is_computed(refuse, folder,
     monkeypatch.setattr("deformer.checks._memory", lambda: 1e6)
     rows = [[{"vertex": 0, "position": [0, 0, 0]}]] * 1000
     (folder / "f.json").write_text(json.dumps({"frames": rows}))
-    assert "1000 frames" in refuse("fit", "model", "f.json", "-o", "out.npz")
+    told = refuse("fit", "model", "f.json", "-o", "out.glb")
+    assert "out.glb: 1000 shapes of" in told and "write .npz, .mdd, .pc2 or a directory" in told
+    assert "fit: 1 handles" in refuse(
+        "fit", "model", "f.json", "-o", "out.npz", "--memory", "500MB"
+    )
     assert "count: 500 shapes" in refuse("synthesize", "model", "--random", "500", "-o", "out")
     assert "500 shapes" in refuse("synthesize", "model", "--sweep", "2=0:1:500", "-o", "out")
     told = refuse("interpolate", "model", "0", "reference", "--steps", "500", "-o", "out")
     assert "steps: 500 shapes" in told
-    assert "training: 50 components" in refuse("train", "walk.npz", "-o", "m")
+    assert "training: 50 components" in refuse("train", "walk.npz", "-o", "m", "--memory", "600MB")
 
 
 def test_memory_that_runs_out_is_one_line(refuse, folder, monkeypatch):

@@ -34,6 +34,9 @@ def test_a_folder_is_repaired_and_sound_files_stay_byte_for_byte(bad, sound, tmp
     (tmp_path / "walk" / "0002.obj").open("a").write("# by hand\n")
     assert deformer("check", tmp_path / "walk", "--fix", tmp_path / "fixed", "--json") == 0
     result = json.loads(capsys.readouterr().out)
+    assert result["memory"]["least_GB"] > 0.5 and result["fit_memory"]["least_GB"] > 0.5
+    expected = 24e-6 * sound.vertices.shape[1]
+    assert result["fit_memory"]["files_GB_of_1000_frames"] == round(expected, 2)
     found = {f["kind"]: f["shapes"] for f in result["findings"] if f["kind"] != "few"}
     assert found == {"mirrored": [1], "units": [3], "far": [5]}
     assert "0001.obj" in str(result["findings"])

@@ -140,8 +140,10 @@ def test_a_mistake_is_one_line(run, arguments, message):
     assert message in err
 
 
-@pytest.mark.parametrize("processes", [1, 2])
-def test_an_interrupted_run_says_how_to_go_on(run, folder, monkeypatch, processes):
+@pytest.mark.parametrize("where", ["--processes 1", "--processes 2", "--cluster local:1"])
+def test_an_interrupted_run_says_how_to_go_on(run, folder, monkeypatch, where):
+    if "cluster" in where:
+        pytest.importorskip("distributed", reason="needs Dask: pip install distributed")
     calls = []
 
     def stop(self, key, rows):
@@ -149,7 +151,7 @@ def test_an_interrupted_run_says_how_to_go_on(run, folder, monkeypatch, processe
         raise KeyboardInterrupt
 
     monkeypatch.setattr("deformer.evaluation.journal.Journal.add", stop)
-    status, _, err = run("bar.npz", "-o", "cut", *OPTIONS, "--processes", processes)
+    status, _, err = run("bar.npz", "-o", "cut", *OPTIONS, *where.split())
     assert (status, len(calls)) == (console.INTERRUPTED, 1)
     assert "the same command goes on" in err
     assert not multiprocessing.active_children()

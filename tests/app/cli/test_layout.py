@@ -11,12 +11,6 @@ from deformer import io
 from shapes import small_model
 
 
-@pytest.fixture
-def model_path(tmp_path):
-    small_model().save(tmp_path / "model")
-    return tmp_path / "model"
-
-
 def test_help_has_an_example(run):
     status, out, _ = run("layout", "--help")
     assert status == 0 and "deformer layout humanoid --count 20" in out and "--json" in out

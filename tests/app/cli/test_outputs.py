@@ -59,7 +59,7 @@ def no_work(*_, **__):
 def test_a_foreign_file_is_kept_and_named_before_the_work(folder, refuse, monkeypatch, command):
     Path("out").mkdir()
     Path("out/notes.txt").write_text("keep me")
-    for work in ("train", "fit_sequence", "ComponentAnalysis", "Synthesis", "draw_codes",
+    for work in ("train", "fit_sequence_parts", "ComponentAnalysis", "Synthesis", "draw_codes",
                  "interpolate", "HandleSolver"):  # fmt: skip
         monkeypatch.setattr(deformer, work, no_work)
     monkeypatch.setattr(deformer.evaluation, "evaluate", no_work)

@@ -1,10 +1,12 @@
 """What the end of a training says of shapes and pieces that the codes do not tell."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from deformer import MeshSequence, load_model, save_shapes, train
-from deformer.training import trainer
+from deformer.training.rebuilding import rebuilding as rebuilding_of
 from deformer_app import console
 from deformer_app.cli import rebuilding
 from deformer_app.cli.main import app
@@ -58,12 +60,12 @@ def test_a_place_that_no_form_tells_asks_for_no_components():
 
 def test_the_index_is_that_of_the_file():
     """Of a split, the training shapes are some of the files."""
-    reference = load_model("flag").reference
-    shapes = np.stack([reference.vertices] * 3)
-    rebuilt = shapes.copy()
-    rebuilt[1, 0] += 1.0
-    rebuilt[2] += 1.0
-    found = trainer._farthest(shapes, rebuilt, [2, 5, 7], reference)
+    model = load_model("flag")
+    model = replace(model, codes=model.codes[:3], split={})
+    shapes = model.decode(model.codes)
+    shapes[1, 0] += 1.0
+    shapes[2] += 1.0
+    found = rebuilding_of(MeshSequence(shapes, model.reference.faces), model, [2, 5, 7])
     assert (found["worst_shape"], found["worst_place"]) == (5, 7)
     assert "worst_piece_rms" not in found
 

@@ -13,12 +13,6 @@ from deformer.rigging import decomposition
 from shapes import small_model
 
 
-@pytest.fixture
-def model_path(tmp_path):
-    small_model().save(tmp_path / "model")
-    return tmp_path / "model"
-
-
 def test_help_has_an_example(run):
     status, out, _ = run("rig", "--help")
     assert status == 0 and "deformer rig humanoid -o rig.glb" in out and "--json" in out

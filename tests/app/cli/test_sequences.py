@@ -10,12 +10,6 @@ from shapes import small_model
 
 
 @pytest.fixture
-def model_path(tmp_path):
-    small_model().save(tmp_path / "model")
-    return tmp_path / "model"
-
-
-@pytest.fixture
 def frames(tmp_path):
     """A handles file of six frames, in which a vertex rises."""
     rest = small_model().reference.vertices[40]

@@ -183,6 +183,8 @@ def test_a_contact_sheet_has_room_for_every_picture_and_title():
     assert titled.shape[0] > plain.shape[0] and titled.shape[1] == plain.shape[1]
     assert drawn(titled[112 : 10 + 100 + 28]).any()  # ink below the first row
     assert contact_sheet(pictures[:2], 6, gap=10).shape == (120, 190, 3)
+    wide = contact_sheet(pictures[:2], 6, ["a title that is wider than its picture"] * 2, gap=10)
+    assert wide.shape[1] > 2 * 190
 
 
 def test_a_contact_sheet_refuses_what_does_not_fit():

@@ -33,8 +33,10 @@ class Stage:
         self.selected: frozenset[int] = frozenset()
         self.before: dict[int, np.ndarray] | None = None
         self.grasped: dict[int, np.ndarray] | None = None
+        self.spans = (1e-3, 100.0)
         self.log: list = []
         self.hovers: list[Hover] = []
+        self.measured: list = []
 
     @property
     def gizmo(self):
@@ -53,6 +55,18 @@ class Stage:
             if np.hypot(*(at - pixel)) < 8:
                 return number
         return None
+
+    def cube_at(self, pixel):
+        return (0, 0, 1) if pixel[0] > 360 and pixel[1] < 40 else None
+
+    def look_from(self, side):
+        self.log.append(("look", side))
+
+    def depth_at(self, pixel):
+        return float(self.camera.depths([(0.0, 0.0, 0.0)])[0])
+
+    def context_menu(self, pixel, under):
+        self.log.append(("menu", pixel, under))
 
     def handles_in(self, low, high):
         places = {n: self.camera.project([p], SIZE)[0] for n, p in self.handles.items()}
@@ -86,6 +100,9 @@ class Stage:
         self.grasped = self.grasped or dict(self.handles)
         for number in self.selected:
             self.handles[number] = motion([self.grasped[number]])[0]
+
+    def measure(self, measure):
+        self.measured.append(measure)
 
     def commit(self, label):
         self.before = self.grasped = None
@@ -193,6 +210,18 @@ def test_no_stray_handle_at_the_end_of_an_orbit_or_pan(stage, controller, start,
     assert stage.camera != Stage().camera
 
 
+def test_a_press_on_the_orientation_cube_turns_the_view_and_keeps_the_selection(stage, controller):
+    stage.place(200200, False)
+    stage.log.clear()
+    move(controller, (380, 20))
+    assert stage.hovers[-1] == Hover(side=(0, 0, 1))
+    click(controller, (380, 20))
+    assert stage.log == [("look", (0, 0, 1))]
+    drag(controller, (380, 20), (200, 200))
+    assert set(stage.log[1:]) == {"camera"}
+    assert stage.selected
+
+
 def test_a_click_beside_the_body_selects_nothing(stage, controller):
     click(controller, (210, 190))
     click(controller, (20, 20))
@@ -279,16 +308,145 @@ def test_escape_takes_a_drag_back(stage, controller, where):
     assert not any(entry[0] == "commit" for entry in stage.log if entry != "revert")
 
 
-def test_a_second_button_does_not_disturb_a_drag(stage, controller):
+def test_a_drag_goes_on_in_a_view_that_the_right_button_turns(stage, controller):
+    """The handle stays under the mouse, and where it is in space, while the view turns."""
     press(controller, "left", (210, 190))
     move(controller, (230, 190))
+    before = stage.handles[1].copy()
     press(controller, "right", (230, 190))
-    move(controller, (250, 190))
-    release(controller, "right", (250, 190))
-    assert controller.dragging
-    release(controller, "left", (250, 190))
-    np.testing.assert_allclose(pixel_of(stage, 1), [250, 190], atol=1e-6)
-    assert stage.camera == Stage().camera
+    for x in range(230, 281, 10):
+        move(controller, (x, 190))
+        np.testing.assert_allclose(pixel_of(stage, 1), [x, 190], atol=1e-6)
+    np.testing.assert_array_equal(stage.handles[1], before)
+    release(controller, "right", (280, 190))
+    assert controller.dragging and stage.camera.axes()[2] @ (0.0, 0.0, 1.0) < 0.99
+    depth = stage.camera.depths([before])[0]
+    move(controller, (290, 170))
+    np.testing.assert_allclose(pixel_of(stage, 1), [290, 170], atol=1e-6)
+    assert stage.camera.depths([stage.handles[1]])[0] == pytest.approx(depth)
+    release(controller, "left", (300, 150))
+    np.testing.assert_allclose(pixel_of(stage, 1), [300, 150], atol=1e-6)
+    assert stage.log[-1] == ("commit", "Place and drag")
+
+
+@pytest.mark.parametrize("button", ["right", "middle"])
+def test_the_left_button_ends_its_drag_while_another_one_is_down(stage, controller, button):
+    press(controller, "left", (210, 190))
+    move(controller, (230, 190))
+    press(controller, button, (230, 190))
+    move(controller, (260, 190))
+    release(controller, "left", (260, 190))
+    assert stage.log[-1] == ("commit", "Place and drag") and controller.dragging
+    before, view = stage.handles[1].copy(), stage.camera
+    move(controller, (280, 190))
+    assert stage.camera != view and (stage.handles[1] == before).all()
+    release(controller, button, (280, 190))
+    assert not controller.dragging
+
+
+def test_the_wheel_zooms_during_a_drag(stage, controller):
+    press(controller, "left", (210, 190))
+    move(controller, (230, 150))
+    before = stage.handles[1].copy()
+    controller.handle(WheelTurned(3.0, (230, 150)))
+    np.testing.assert_allclose(pixel_of(stage, 1), [230, 150], atol=1e-6)
+    np.testing.assert_array_equal(stage.handles[1], before)
+    release(controller, "left", (260, 120))
+    np.testing.assert_allclose(pixel_of(stage, 1), [260, 120], atol=1e-6)
+
+
+def test_any_order_of_buttons_ends_without_a_drag(stage, controller):
+    """Whatever is pressed and released: no drag lasts once its button is up."""
+    random = np.random.default_rng(0)
+    down: set[str] = set()
+    for _ in range(2000):
+        at = tuple(random.uniform(0, 400, 2))
+        button = str(random.choice(["left", "middle", "right"]))
+        kind = random.integers(4)
+        if kind == 0 and button not in down:
+            down.add(button)
+            press(controller, button, at, Keys(shift=bool(random.integers(2))))
+        elif kind == 1 and button in down:
+            down.discard(button)
+            release(controller, button, at)
+        elif kind == 2:
+            controller.handle(MouseMoved(at, FREE, frozenset(down)))
+        else:
+            controller.handle(WheelTurned(float(random.choice([-1, 1])), at))
+        assert controller.dragging <= bool(down)
+        assert np.isfinite(stage.camera.position).all()
+    for button in sorted(down):
+        release(controller, button, (200, 200))
+    assert not controller.dragging and stage.before is None
+
+
+def test_a_release_that_is_never_told_ends_the_drag_at_the_next_move(stage, controller):
+    press(controller, "left", (210, 190))
+    controller.handle(MouseMoved((230, 190), FREE, frozenset({"left"})))
+    controller.handle(MouseMoved((300, 100), FREE, frozenset()))
+    assert not controller.dragging and stage.log[-1] == ("commit", "Place and drag")
+    np.testing.assert_allclose(pixel_of(stage, 1), [230, 190], atol=1e-6)
+    release(controller, "left", (300, 100))
+    assert stage.log[-1] == ("commit", "Place and drag")
+
+
+def test_a_second_press_of_the_same_button_ends_the_drag_before(stage, controller):
+    press(controller, "left", (210, 190))
+    move(controller, (230, 190))
+    press(controller, "left", (20, 20))
+    assert stage.log[-1] == ("commit", "Place and drag")
+    release(controller, "left", (20, 20))
+    assert not controller.dragging and stage.selected == frozenset()
+
+
+def test_a_right_click_asks_for_a_menu_and_a_right_drag_does_not(stage, controller):
+    press(controller, "right", (210, 190))
+    move(controller, (212, 191))
+    release(controller, "right", (211, 191))
+    assert stage.log == [("menu", (210, 190), Hover(vertex=210190))]
+    stage.log.clear()
+    drag(controller, (210, 190), (260, 190), button="right")
+    assert set(stage.log) == {"camera"}
+
+
+def test_zooming_has_limits(stage, controller):
+    for notches, limit in ((1.0, stage.spans[0]), (-1.0, stage.spans[1])):
+        for _ in range(200):
+            controller.handle(WheelTurned(notches, (210, 190)))
+        span = SIZE[1] * stage.camera.pixel_size((0.0, 0.0, 0.0), SIZE)
+        assert span == pytest.approx(limit)
+    stage.spans = (1.0, 10.0)  # a camera beyond a limit still comes back
+    controller.handle(WheelTurned(1.0, (210, 190)))
+    assert SIZE[1] * stage.camera.pixel_size((0, 0, 0), SIZE) == pytest.approx(100 / 1.15)
+
+
+@pytest.mark.parametrize("selects", [True, False])
+def test_a_click_on_the_manipulator_acts_on_what_is_under_it(stage, controller, selects):
+    click(controller, (200, 200))
+    tip = stage.camera.project(Gizmo((0, 0, 0), "move").outline("x", stage.camera, SIZE), SIZE)[1]
+    at = tuple(np.floor(tip))
+    if selects:
+        stage.handles[2] = stage.camera.unproject(at, 10.0, SIZE)
+    stage.gizmo_shown = True
+    move(controller, at)
+    assert stage.hovers[-1] == Hover(part="x")
+    click(controller, at)
+    assert stage.selected == {2} and len(stage.handles) == 2
+    assert stage.log.count(("commit", "Place handle")) == (1 if selects else 2)
+    assert ("commit", "Move") not in stage.log
+
+
+def test_inside_a_square_of_the_manipulator_a_handle_can_be_grasped(stage, controller):
+    click(controller, (200, 200))
+    gizmo = Gizmo((0.0, 0.0, 0.0), "move")
+    at = stage.camera.project(gizmo.outline("xy", stage.camera, SIZE), SIZE)[:4].mean(axis=0)
+    stage.gizmo_shown = True
+    move(controller, tuple(at))
+    assert stage.hovers[-1] == Hover(part="xy")
+    stage.handles[2] = stage.camera.unproject(at, 10.0, SIZE)
+    drag(controller, tuple(at), tuple(at + 30))
+    assert stage.selected == {2}
+    np.testing.assert_allclose(pixel_of(stage, 2), at + 30, atol=1e-6)
 
 
 def test_the_wheel_zooms_to_the_cursor(stage, controller):

@@ -26,7 +26,7 @@ def look(editor):
     if not editor.idle:
         return
     if {edited} and not editor.session.changed:
-        editor.place(100, add=True)
+        editor.handles.place(100, add=True)
         editor.commit("Place handle")
     else:
         os.kill(os.getpid(), signal.SIGINT)

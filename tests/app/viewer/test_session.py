@@ -6,11 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from PIL import Image
 
 from deformer import InputError, io
 from deformer_app.viewer.edit import Edit, Handle, Solution
 from deformer_app.viewer.gizmo import translation
 from deformer_app.viewer.session import ModelName, Session
+from deformer_app.viewer.thumbnails import SIZE, save_thumbnail
 
 BASE = (0.1, -0.2, 1 / 3)
 NAME = ModelName("somewhere/model", "ab" * 32)
@@ -92,12 +94,24 @@ def test_the_pose_of_an_entry_is_noted_only_if_it_is_its_own():
     assert work.entry.solution == ANSWER
 
 
+def test_a_pose_on_its_way_does_not_replace_the_one_at_rest():
+    work = session()
+    work.do("Place", work.edit.with_handles([handle(1)]))
+    moving = replace(ANSWER, z=(1.0, 2.0, 3.0), final=False)
+    work.solved(work.edit, moving)
+    assert work.entry.solution == moving
+    work.solved(work.edit, ANSWER)
+    work.solved(work.edit, moving)
+    assert work.entry.solution == ANSWER
+
+
 def test_saving_and_loading_gives_every_number_back(tmp_path):
     work = session()
     work.do("Place", work.edit.with_handles([handle(1, kind="pin"), handle(2, 9, weight=0.3)]))
     work.solved(work.edit, ANSWER)
     region = Handle(3, (1, 2), ((0.1, 0.0, 0.0), (0.0, 1e-9, 0.0)), patch=(1, 2, 5))
-    work.do("Paint", work.edit.with_handles([region]))
+    work.do("Paint", work.edit.with_handles([region.at(region.targets, [[0, 0, 0.1], [1, 0, 0]])]))
+    work.solved(work.edit, replace(ANSWER, final=False))
     turned = replace(handle(4).oriented(TURN), orientation_weight=0.25)
     work.do("Rotate", work.edit.with_handles([turned, handle(5).oriented(np.eye(3))]))
     work.do("Body", replace(work.edit, body="moves", noise=0.02, base=(1.0, 2.0, 3.0)))
@@ -192,27 +206,19 @@ def test_ids_are_never_used_again():
     assert work.next_id() == 2
 
 
-def test_few_handles_leave_the_body_where_it_is():
-    edit = Edit(BASE)
-    assert edit.freedom < 0.1
-    three = edit.with_handles([handle(n, n) for n in range(3)])
-    assert three.freedom == 1.0
-    assert replace(three, body="stays").freedom < 0.1
-    assert replace(edit, body="moves").freedom == 1.0
-
-
 def test_arrays_for_the_solver():
     region = Handle(3, (1, 2), ((0.1, 0, 0), (0, 1e-9, 0)), weight=2.0, patch=(1, 2, 5))
     edit = Edit(BASE).with_handles([handle(1, kind="pin", weight=5.0), region])
-    turned = handle(4).oriented(TURN)
+    turned = handle(4).oriented(TURN).at([(1.0, 2.0, 1 / 3)], [(0.0, 0.5, 0.0)])
     edit = edit.with_handles([turned])
     assert edit.arrays() == {
         "vertices": [7, 1, 2, 7],
         "targets": [(1.0, 2.0, 1 / 3), (0.1, 0, 0), (0, 1e-9, 0), (1.0, 2.0, 1 / 3)],
-        "weights": [1.0, 2.0, 2.0, 1.0],
+        "weights": [5.0, 2.0, 2.0, 1.0],
         "kinds": ["pin", "soft", "soft", "soft"],
         "orientations": [None, None, None, TURN],
         "orientation_weights": [1.0] * 4,
+        "gaps": [(0.0, 0.0, 0.0)] * 3 + [(0.0, 0.5, 0.0)],
     }
     assert set(map(len, Edit(BASE).arrays().values())) == {0}
 
@@ -276,8 +282,10 @@ def test_no_number_of_a_session_may_be_damaged(tmp_path):
             parent = parent[key]
         if not place or isinstance(parent[place[-1]], str | list | dict) or place[0] == "view":
             continue
-        numbers += 1
+        numbers, is_flag = numbers + 1, isinstance(parent[place[-1]], bool)
         for bad in (float("inf"), float("nan"), 10**400, "1", True, [1], {}):
+            if is_flag and bad is True:
+                continue
             parent[place[-1]] = bad
             path.write_text(json.dumps(data))
             with pytest.raises(InputError, match=rf"a\.json: .*{place[-1]}"):
@@ -331,8 +339,26 @@ def test_what_is_no_session_at_all(tmp_path):
         Session.load(tmp_path / "c.json")
 
 
+def test_gaps_turn_with_the_targets_and_do_not_move():
+    apart = handle(1).at([(1.0, 0.0, 0.0)], [(0.0, 0.2, 0.0)])
+    assert apart.moved(translation([5, 5, 5])).gaps[0] == pytest.approx((0.0, 0.2, 0.0))
+    turned = apart.moved(lambda p: np.asarray(p) @ np.array(TURN).T)
+    assert turned.gaps[0] == pytest.approx(np.array(TURN) @ [0.0, 0.2, 0.0])
+    assert handle(1).at([(1.0, 0.0, 0.0)], [(0.0, 0.0, 0.0)]).gaps == ()
+
+
 def test_moving_moves_all_points():
     region = Handle(3, (1, 2), ((0.1, 0, 0), (0, 1.0, 0)))
     moved = region.moved(translation([1, 1, 1]))
     np.testing.assert_allclose(moved.targets, np.array(region.targets) + 1)
     assert moved.centre == pytest.approx((1.05, 1.5, 1.0))
+
+
+@pytest.mark.parametrize("size", [(788, 441), (712, 583), (209, 462), (1001, 220), (217, 900)])
+def test_a_picture_of_any_size_has_a_thumbnail(editor, tmp_path, monkeypatch, size):
+    """Its middle, though the borders that are cut off are no whole pixels."""
+    width, height = size
+    monkeypatch.setattr(editor.state.view, "grab", lambda: np.zeros((height, width, 3), np.uint8))
+    save_thumbnail(editor, tmp_path / "small.png")
+    with Image.open(tmp_path / "small.png") as small:
+        assert small.size == SIZE

@@ -1,131 +1,260 @@
-"""The dock of the components: a slider for each."""
+"""The dock of the components: a row for each, by region or by strength."""
 
 from __future__ import annotations
 
-from PySide6.QtCore import QEvent, QObject, Qt
+from collections.abc import Iterable, Iterator
+
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
-    QGridLayout,
+    QComboBox,
+    QHBoxLayout,
     QLabel,
-    QProgressBar,
-    QScrollArea,
+    QLineEdit,
     QToolButton,
+    QVBoxLayout,
     QWidget,
 )
 
 from deformer import Activations
-from deformer_app.viewer.editor import Editor
-from deformer_app.viewer.model_files import start_codes
-from deformer_app.viewer.qt.slider import STEPS, Slider
+from deformer_app.viewer.component_scale import ComponentScale
+from deformer_app.viewer.qt.component_row import ComponentRow
+from deformer_app.viewer.qt.component_slider import ComponentSlider
+from deformer_app.viewer.qt.surroundings import Surroundings
+from deformer_app.viewer.qt.vertical_scroll import VerticalScroll
+from deformer_app.viewer.region_names import region_names
+from deformer_app.viewer.shape_thumbnails import Subject
+
+_AT_ONCE = 4  # rows that are made in one step
+_ORDERS = {"region": "By region", "strength": "By strength"}
 
 
-class ComponentPanel(QScrollArea):
-    """A slider for every component, the strongest first; its support shows on hover."""
+class ComponentPanel(QWidget):
+    """A row for every component: pinned ones first, then by region or by strength.
 
-    def __init__(self, editor: Editor) -> None:
+    Args:
+        of: parts of the window that the panel uses.
+
+    Attributes:
+        search: field that filters the rows by name, number or region.
+        order: choice of the order, "region" or "strength".
+        rows: component → row, once they are made.
+        sections: groups of the rows, in the order in which they are shown.
+    """
+
+    def __init__(self, of: Surroundings) -> None:
         """Start empty; the components follow once they are measured."""
         super().__init__()
-        self._editor = editor
-        self._rows: dict[int, tuple[Slider, QLabel]] = {}
-        self._names: dict[int, QToolButton] = {}
+        self._of, self._editor, self._settings = of, of.editor, of.settings
+        self.rows: dict[int, ComponentRow] = {}
+        self.sections: list[_Section] = []
         self._shown: Activations | None = None
-        self.setWidgetResizable(True)
-        self.setWidget(_waiting())
+        self._names: dict[int, str] = {}
+        self.search = QLineEdit()
+        self.search.setPlaceholderText("Search by name or region")
+        self.search.setClearButtonEnabled(True)
+        self.search.textChanged.connect(self._filter)
+        self.order = QComboBox()
+        for key, title in _ORDERS.items():
+            self.order.addItem(title, key)
+        self.order.setCurrentIndex(max(self.order.findData(of.settings.component_order), 0))
+        self.order.activated.connect(self._reorder)
+        self._area = VerticalScroll()
+        self._area.verticalScrollBar().valueChanged.connect(self._refresh_seen)
+        head = QHBoxLayout()
+        head.setContentsMargins(4, 4, 4, 0)
+        head.addWidget(self.search, 1)
+        head.addWidget(self.order)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(4)
+        column.addLayout(head)
+        column.addWidget(self._area, 1)
+        of.thumbnails.on_drawn.append(self._show_pictures)
+        self._wait()
 
     @property
-    def sliders(self) -> dict[int, Slider]:
+    def sliders(self) -> dict[int, ComponentSlider]:
         """Slider of each component, in the order in which they are shown."""
-        return {k: slider for k, (slider, _) in self._rows.items()}
+        return {row.component: row.slider for section in self.sections for row in section.rows}
+
+    @property
+    def pinned(self) -> list[int]:
+        """Pinned components of the model, in the order of pinning."""
+        editor = self._editor
+        stored = self._settings.pinned(editor.model.fingerprint)
+        return [k for k in stored if k < editor.model.components]
 
     def model_changed(self) -> None:
         """Another model is open."""
-        self._rows, self._names, self._shown = {}, {}, None
-        self.setWidget(_waiting())
+        self._shown = None
+        self.rows, self.sections = {}, []
+        self._wait()
+
+    def _wait(self) -> None:
+        label = QLabel("Measuring the components …")
+        label.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self._area.setWidget(label)
 
     def _fill(self) -> None:
+        """Have the rows made, once the components are measured."""
         known = self._editor.activations
-        if known is None or known is self._shown:
-            return
-        self._shown = known
-        body = QWidget()
-        grid = QGridLayout(body)
-        grid.setVerticalSpacing(2)
+        if known is not None and known is not self._shown:
+            self._shown = known
+            self._editor.run(self._make_rows(known))
+
+    def _make_rows(self, known: Activations) -> Iterator[None]:
+        """Make the rows, a few in each step, so that the window stays responsive."""
+        editor, rows = self._editor, {}
         strongest = float(known.strength.max()) or 1.0
         for n, k in enumerate(known.order.tolist()):
-            bar = QProgressBar()
-            bar.setTextVisible(False)
-            bar.setFixedSize(36, 6)
-            bar.setValue(round(100 * float(known.strength[k]) / strongest))
-            bar.setToolTip("Strength: how far its extreme among the examples changes the reference")
-            slider = Slider(
-                lambda position, k=k: self._slide(k, position),
-                lambda k=k: self._editor.commit(self._title(k)),
+            rows[k] = ComponentRow(
+                editor,
+                self._of.thumbnails,
+                k,
+                ComponentScale.of(known, k),
+                float(known.strength[k]) / strongest,
+                lambda on, k=k: self._pin(k, on),
+                self._of.attempt,
             )
-            slider.setProperty("component", k)
-            slider.installEventFilter(self)
-            value, reset = QLabel("0"), QToolButton()
-            value.setFixedWidth(44)
-            reset.setText("↺")
-            reset.setToolTip("Back to the reference's value")
-            reset.clicked.connect(lambda _, k=k: self._reset(k))
-            model = self._editor.model
-            name = QToolButton()
-            name.setText(model.component_names.get(k, str(k)))
-            name.setToolTip(f"{model.label(k).capitalize()}: click to keep it coloured")
-            name.setAutoRaise(True)
-            name.setCheckable(True)
-            name.setMaximumWidth(96)
-            name.clicked.connect(lambda on, k=k: self._colour(k, on))
-            self._names[k] = name
-            for widget in (name, bar):
-                widget.setProperty("component", k)
-                widget.installEventFilter(self)
-            for column, widget in enumerate((name, bar, slider, value, reset)):
-                grid.addWidget(widget, n, column)
-            self._rows[k] = slider, value
-        grid.setRowStretch(len(self._rows), 1)
-        self.setWidget(body)
+            if n % _AT_ONCE == 0:
+                yield
+            if self._shown is not known:
+                return  # another model is open
+        self.rows = rows
+        self._names = dict(editor.model.component_names)
+        self._arrange()
 
-    def _colour(self, k: int, on: bool) -> None:
-        self._editor.change_look(colour=f"component:{k}" if on else "plain")
+    def _arrange(self) -> None:
+        """Put the rows into sections."""
+        pinned = self.pinned
+        for k, row in self.rows.items():
+            row.setParent(None)
+            row.pin.setChecked(k in pinned)
+        folded = {section.title for section in self.sections if section.folded}
+        self.sections = []
+        body = QWidget()
+        column = QVBoxLayout(body)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(0)
+        for title, components in self._groups(pinned):
+            section = _Section(title, [self.rows[k] for k in components])
+            section.fold(title in folded)
+            self.sections.append(section)
+            column.addWidget(section)
+        column.addStretch(1)
+        self._area.setWidget(body)
+        self._filter()
+        self.refresh()
 
-    def _title(self, k: int) -> str:
-        label = self._editor.model.label(k)
-        return label[0].upper() + label[1:]
+    def _groups(self, pinned: list[int]) -> Iterable[tuple[str, list[int]]]:
+        """Titles and components of the sections; a component is in one of them."""
+        editor = self._editor
+        if pinned:
+            yield "Pinned", pinned
+        others = [k for k in self.rows if k not in pinned]
+        if self.order.currentData() == "strength":
+            yield "All" if not pinned else "Others", others
+            return
+        regions = editor.regions
+        names = region_names(
+            [region.centre for region in regions],
+            editor.model.reference.vertices,
+            editor.state.viewpoint.up,
+        )
+        for name, region in zip(names, regions, strict=True):
+            inside = [k for k in region.components if k not in pinned]
+            if inside:
+                yield name, inside
 
-    def _limits(self, k: int) -> tuple[float, float]:
-        assert self._shown is not None
-        low, high = float(self._shown.low[k]), float(self._shown.high[k])
-        return low, max(high, low + 1e-9)
+    def _reorder(self) -> None:
+        self._settings.note_component_order(self.order.currentData())
+        if self._shown is not None:
+            self._arrange()
 
-    def _slide(self, k: int, position: int) -> None:
-        low, high = self._limits(k)
-        self._editor.slide(k, low + (high - low) * position / STEPS)
+    def _pin(self, component: int, on: bool) -> None:
+        pinned = [k for k in self.pinned if k != component] + [component] * on
+        self._settings.note_pinned(self._editor.model.fingerprint, pinned)
+        self._arrange()
 
-    def _reset(self, k: int) -> None:
-        self._editor.slide(k, float(start_codes(self._editor.model)["Reference"][k]))
-        self._editor.commit(f"Reset {self._editor.model.label(k)}")
+    def _filter(self) -> None:
+        words = self.search.text().lower().split()
+        for section in self.sections:
+            section.show_matching(words)
 
     def refresh(self) -> None:
-        """Show the current code."""
+        """Show the current code and names."""
         self._fill()
-        code = self._editor.code
-        for k, (slider, value) in self._rows.items():
-            low, high = self._limits(k)
-            slider.show_position(STEPS * (float(code[k]) - low) / (high - low))
-            value.setText(f"{code[k]:z.2f}")
-            self._names[k].setChecked(self._editor.state.look.colour == f"component:{k}")
+        names = self._editor.model.component_names
+        if names != self._names:
+            self._names = dict(names)
+            for row in self.rows.values():
+                row.show_name()
+            self._filter()
+        self._refresh_seen()
 
-    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Show a component's support while the mouse is over its row."""
-        component = watched.property("component")
-        if component is not None and event.type() == QEvent.Type.Enter:
-            self._editor.preview(int(component))
-        elif component is not None and event.type() == QEvent.Type.Leave:
-            self._editor.preview(None)
-        return super().eventFilter(watched, event)
+    def _refresh_seen(self) -> None:
+        for row in self.rows.values():
+            if not row.visibleRegion().isEmpty():
+                row.refresh()
+
+    def _show_pictures(self, subject: Subject) -> None:
+        if subject.component is not None and subject.component in self.rows:
+            for picture in self.rows[subject.component].extremes:
+                picture.update()
 
 
-def _waiting() -> QLabel:
-    label = QLabel("Measuring the components …")
-    label.setAlignment(Qt.AlignmentFlag.AlignCenter)
-    return label
+class _Section(QWidget):
+    """Rows under a header that folds them away."""
+
+    def __init__(self, title: str, rows: list[ComponentRow]) -> None:
+        super().__init__()
+        self.title, self.rows = title, rows
+        self._header = QToolButton()
+        self._header.setCheckable(True)
+        self._header.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
+        self._header.setAutoRaise(True)
+        self._header.clicked.connect(self.fold)
+        self._body = QWidget()
+        inner = QVBoxLayout(self._body)
+        inner.setContentsMargins(0, 0, 0, 4)
+        inner.setSpacing(0)
+        for row in rows:
+            inner.addWidget(row)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(0)
+        column.addWidget(self._header)
+        column.addWidget(self._body)
+        self.fold(False)
+
+    @property
+    def header(self) -> QToolButton:
+        """The button that folds the rows away."""
+        return self._header
+
+    @property
+    def folded(self) -> bool:
+        """True while the rows are folded away."""
+        return self._header.isChecked()
+
+    def fold(self, folded: bool) -> None:
+        """Fold the rows away, or show them."""
+        self._header.setChecked(folded)
+        arrow = Qt.ArrowType.RightArrow if folded else Qt.ArrowType.DownArrow
+        self._header.setArrowType(arrow)
+        self._body.setVisible(not folded)
+
+    def show_matching(self, words: list[str]) -> None:
+        """Show the rows whose name, number or region has all of some words (lower case)."""
+        shown = 0
+        for row in self.rows:
+            text = f"{row.name.text()} component {row.component} {self.title}".lower()
+            matches = all(word in text for word in words)
+            row.setVisible(matches)
+            shown += matches
+        self._header.setText(f"{self.title} ({shown})")
+        self.setVisible(shown > 0)
+        if words:
+            self._body.setVisible(shown > 0)
+        else:
+            self.fold(self.folded)

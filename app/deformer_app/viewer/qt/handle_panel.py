@@ -6,24 +6,26 @@ from collections.abc import Sequence
 from typing import cast
 
 import numpy as np
-from PySide6.QtCore import QSignalBlocker
+from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QButtonGroup,
     QDoubleSpinBox,
     QFormLayout,
-    QGridLayout,
     QHBoxLayout,
-    QHeaderView,
+    QLabel,
     QPushButton,
-    QTableWidget,
+    QStackedWidget,
     QTableWidgetItem,
     QVBoxLayout,
     QWidget,
 )
 
+from deformer import InputError, vertex_errors
+from deformer_app.viewer.changes import MistakeMade
 from deformer_app.viewer.edit import KINDS, Handle, Kind
 from deformer_app.viewer.editor import Editor
+from deformer_app.viewer.qt.handle_table import HandleTable
 from deformer_app.viewer.qt.slider import Slider, geometric, geometric_position
 
 _WEIGHTS = (0.05, 50.0)
@@ -41,22 +43,16 @@ class HandlePanel(QWidget):
         """Lay out; `refresh` fills it."""
         super().__init__()
         self._editor = editor
-        self.table = QTableWidget(0, 4)
-        self.table.setHorizontalHeaderLabels(["Handle", "Kind", "Weight", "Off by"])
-        self.table.verticalHeader().hide()
-        self.table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
-        self.table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        header = self.table.horizontalHeader()
-        header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-        header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
+        self.table = HandleTable()
+        self.table.itemChanged.connect(self._rename)
         self.table.itemSelectionChanged.connect(self._select)
         self._kinds, row = QButtonGroup(self), QHBoxLayout()
         tips = ("Close to its target", "Exactly on its target", "Stays where it is")
-        for kind, tip in zip(KINDS, tips, strict=True):
+        for kind, tip, key in zip(KINDS, tips, "SEP", strict=True):
             button = QPushButton(kind.capitalize())
             button.setCheckable(True)
-            button.setToolTip(tip)
-            button.clicked.connect(lambda _, k=kind: editor.set_kind(cast(Kind, k)))
+            button.setToolTip(f"{tip}  {key}")
+            button.clicked.connect(lambda _, k=kind: editor.handles.set_kind(cast(Kind, k)))
             self._kinds.addButton(button, KINDS.index(kind))
             row.addWidget(button)
         self._weight = Slider(self._set_weight, lambda: editor.commit("Weight"))
@@ -67,8 +63,9 @@ class HandlePanel(QWidget):
             box.setRange(-1e9, 1e9)
             box.setDecimals(4)
             box.setPrefix(f"{axis} ")
-            box.setButtonSymbols(QDoubleSpinBox.ButtonSymbols.NoButtons)
-            box.setMinimumWidth(72)
+            box.setSpecialValueText(" ")
+            box.setProperty("bare", True)  # no arrows
+            box.setMinimumWidth(64)
             box.setKeyboardTracking(False)
             box.valueChanged.connect(self._move)
             numbers.addWidget(box)
@@ -76,29 +73,71 @@ class HandlePanel(QWidget):
         layout.addWidget(self.table, 1)
         layout.addLayout(row)
         form = QFormLayout()
-        form.addRow("Weight", self._weight)
+        # A pin has a size in place of a weight.
+        self._strength_name, self._strength = QLabel("Weight"), QStackedWidget()
+        self._strength.addWidget(self._weight)
+        self._strength.addWidget(self._pin_sizes())
+        form.addRow(self._strength_name, self._strength)
         form.addRow("At", numbers)
         layout.addLayout(form)
-        buttons = QGridLayout()
-        for n, (title, run) in enumerate(
-            (("Mirror", editor.mirror), ("Suggest next", editor.suggest),
-             ("Delete", editor.delete), ("Clear all", editor.clear))
+        buttons = QHBoxLayout()
+        buttons.setSpacing(4)
+        for title, tip, run in (
+            ("Mirror", "Copy the handles to the body's other side  M",
+              editor.mirror.mirror_handles),
+            ("Suggest", "Where one more handle would tell most  N", editor.handles.suggest),
+            ("Delete", "The selected handles  Del", editor.handles.delete),
+            ("Clear", "All handles  Ctrl+Del", editor.handles.clear),
         ):  # fmt: skip
             button = QPushButton(title)
+            button.setToolTip(tip)
             button.clicked.connect(lambda _, f=run: f())
-            buttons.addWidget(button, n // 2, n % 2)
+            button.setProperty("narrow", True)
+            buttons.addWidget(button, 1)
         layout.addLayout(buttons)
+
+    def _pin_sizes(self) -> QWidget:
+        """Buttons that make the selected pins smaller and larger, with their size between."""
+        sizes = QWidget()
+        row = QHBoxLayout(sizes)
+        row.setContentsMargins(0, 0, 0, 0)
+        self._pin_size = QLabel()
+        self._pin_size.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self._pin_buttons = QPushButton("−"), QPushButton("+")
+        for button, steps, tip in zip(
+            self._pin_buttons, (-1.0, 1.0), ("Smaller", "Larger"), strict=True
+        ):
+            button.setToolTip(f"{tip} patch; also Shift and the wheel over the pin")
+            button.setProperty("narrow", True)
+            button.clicked.connect(lambda _, n=steps: self._editor.pins.resize_selected(n))
+        smaller, larger = self._pin_buttons
+        for widget in (smaller, self._pin_size, larger):
+            row.addWidget(widget)
+        return sizes
 
     def _select(self) -> None:
         ids = [h.id for h in self._editor.edit.handles]
         rows = {index.row() for index in self.table.selectionModel().selectedRows()}
-        self._editor.select([ids[row] for row in sorted(rows) if row < len(ids)])
+        self._editor.handles.select([ids[row] for row in sorted(rows) if row < len(ids)])
+
+    def _rename(self, item: QTableWidgetItem) -> None:
+        """Give a handle the name that has been typed, or show the old one again."""
+        editor, handle = self._editor, self._editor.edit.handles[item.row()]
+        try:
+            editor.handles.names.rename(handle.id, item.text())
+        except InputError as error:
+            editor.announce(MistakeMade.of(error))
+        self.refresh()
 
     def _set_weight(self, position: int) -> None:
-        self._editor.set_weight(geometric(position, *_WEIGHTS))
+        self._editor.handles.set_weight(geometric(position, *_WEIGHTS))
 
     def _move(self) -> None:
-        self._editor.set_centre([box.value() for box in self.coordinates])
+        self._editor.handles.set_centre([box.value() for box in self.coordinates])
+
+    def model_changed(self) -> None:
+        """Another model is open: its handles are shown by the next `refresh`."""
+        self.table.setRowCount(0)
 
     def refresh(self) -> None:
         """Show the current state."""
@@ -111,36 +150,46 @@ class HandlePanel(QWidget):
         chosen = editor.state.selection(handles)
         for widget in (*self.coordinates, *self._kinds.buttons(), self._weight):
             widget.setEnabled(bool(chosen))
+        pins = [handle for handle in chosen if handle.radius]
+        self._strength.setCurrentIndex(1 if pins else 0)
+        self._strength_name.setText("Pin size" if pins else "Weight")
+        if pins:
+            self._pin_size.setText(f"{100 * pins[0].radius:.1f} % of the body")
         kinds = {handle.kind for handle in chosen}
         self._kinds.setExclusive(False)
         for n, kind in enumerate(KINDS):
             self._kinds.button(n).setChecked(kinds == {kind})
         if not chosen:
+            for box in self.coordinates:
+                with QSignalBlocker(box):
+                    box.setValue(box.minimum())  # is shown as nothing
             return
         self._weight.show_position(geometric_position(chosen[0].weight, *_WEIGHTS))
         self._weight.setEnabled("soft" in kinds)
         centre = np.mean([handle.centre for handle in chosen], axis=0)
         for box, value in zip(self.coordinates, centre, strict=True):
             box.setSingleStep(0.002 * diagonal)
-            if editor.dragging or not box.hasFocus():  # else the user is typing
+            if editor.dragging or not box.lineEdit().isModified():  # else the user is typing
                 with QSignalBlocker(box):
                     box.setValue(float(value))
 
     def _fill_table(self, handles: Sequence[Handle], diagonal: float) -> None:
-        answer = self._editor.answer
-        residual = np.zeros(0) if answer is None else answer.pose.residual
-        angles = np.zeros(0) if answer is None else answer.pose.orientation_residual
+        editor, answer = self._editor, self._editor.answer
+        solved = answer is not None and answer.request.edit == editor.edit
+        angles = answer.pose.orientation_residual if answer is not None and solved else np.zeros(0)
         start = 0
         self.table.setRowCount(len(handles))
         for n, handle in enumerate(handles):
-            distances = residual[start : start + len(handle.vertices)]
+            # Of the surface that is shown, which may be a frame of the clip.
+            shown = editor.vertices[list(handle.vertices)]
+            distances = vertex_errors(np.array(handle.targets), shown)
             turned = angles[start : start + len(handle.vertices)]
-            off = f"{100 * float(distances.max()) / diagonal:.2f} %" if len(distances) else ""
+            off = f"{100 * float(distances.max()) / diagonal:.2f} %"
             if len(turned) and not np.isnan(turned[0]):
-                off += f", {np.degrees(turned[0]):.1f}°"
+                off += f", {np.degrees(turned[0]):.0f}°"
             start += len(handle.vertices)
             texts = (
-                f"region {len(handle.patch)}" if handle.is_region else f"{handle.vertices[0]}",
+                self._editor.handles.names.of(handle),
                 handle.kind,
                 f"{handle.weight:.3g}" if handle.kind == "soft" else "–",
                 off,
@@ -148,12 +197,13 @@ class HandlePanel(QWidget):
             for column, text in enumerate(texts):
                 item = self.table.item(n, column)
                 if item is None:
-                    self.table.setItem(n, column, QTableWidgetItem(text))
+                    self.table.setItem(n, column, _item(text, editable=column == 0))
                 elif item.text() != text:
                     item.setText(text)
+        self.table.fit()
 
     def _mark_selected(self, handles: Sequence[Handle]) -> None:
-        selected = self._editor.selected
+        selected = self._editor.handles.selected
         wanted = [n for n, handle in enumerate(handles) if handle.id in selected]
         shown = {index.row() for index in self.table.selectionModel().selectedRows()}
         if shown == set(wanted):
@@ -164,3 +214,12 @@ class HandlePanel(QWidget):
         for n in wanted:
             self.table.selectRow(n)
         self.table.setSelectionMode(mode.ExtendedSelection)
+
+
+def _item(text: str, editable: bool) -> QTableWidgetItem:
+    item = QTableWidgetItem(text)
+    if editable:
+        item.setToolTip("Double click or F2 to rename; an empty name is that of the place")
+    else:
+        item.setFlags(item.flags() & ~Qt.ItemFlag.ItemIsEditable)
+    return item

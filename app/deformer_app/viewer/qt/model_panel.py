@@ -1,12 +1,14 @@
-"""The dock of the model: start, prior and colours."""
+"""The dock of the model: prior and colours."""
 
 from __future__ import annotations
 
 from typing import Any, cast
 
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtWidgets import (
+    QCheckBox,
     QComboBox,
+    QDoubleSpinBox,
     QFormLayout,
     QHBoxLayout,
     QLabel,
@@ -16,18 +18,20 @@ from PySide6.QtWidgets import (
 
 from deformer_app.rendering.palette import BAD, FAIR, GOOD
 from deformer_app.viewer.colouring import COLOURINGS
+from deformer_app.viewer.component_names import component_title
 from deformer_app.viewer.edit import BODIES, NOISE, Body
 from deformer_app.viewer.editor import Editor
-from deformer_app.viewer.model_files import start_codes
 from deformer_app.viewer.qt.slider import Slider, geometric, geometric_position
 
 _STRENGTHS = (0.1, 10.0)  # of the prior, in multiples of the default noise, from loose to firm
 _BODY = {"auto": "Automatic", "stays": "Stays in place", "moves": "Free to move"}
-_GHOSTS = {"none": "None", "reference": "Reference", "target": "Target"}
+_GHOSTS = {
+    "none": "None", "reference": "Reference", "target": "Target", "previous": "Previous pose",
+}  # fmt: skip
 
 
 class ModelPanel(QWidget):
-    """Where to start from, how strong the prior is, how the surface is coloured.
+    """How strong the prior is, and how the surface is coloured.
 
     Attributes:
         prior: slider of the prior's strength.
@@ -37,45 +41,58 @@ class ModelPanel(QWidget):
         """Lay out; `refresh` fills it."""
         super().__init__()
         self._editor = editor
-        self._name, self._start = QLabel(), QComboBox()
+        self._name = QLabel()
         self._name.setWordWrap(True)
-        self._start.setToolTip("Begin at a training shape; handles are cleared")
-        self._start.activated.connect(self._begin)
         self.prior = Slider(self._set_strength, lambda: editor.commit("Strength of the prior"))
         self.prior.setToolTip("Left: the pose follows the handles. Right: it keeps to the examples")
         strength = QHBoxLayout()
         for widget in (QLabel("loose"), self.prior, QLabel("firm")):
             strength.addWidget(widget)
         self._body = QComboBox()
-        self._body.setToolTip("Automatic: in place, and free to move once three handles fix it")
+        self._body.setToolTip("Automatic: in place under gentle pulls; strong ones move it")
         for body in BODIES:
             self._body.addItem(_BODY[body], body)
-        self._body.activated.connect(lambda n: editor.set_body(cast(Body, self._body.itemData(n))))
+        self._body.activated.connect(
+            lambda n: editor.prior.set_body(cast(Body, self._body.itemData(n)))
+        )
         self._meter = QProgressBar()
-        self._meter.setRange(0, 300)
+        self._meter.setRange(0, 200)
         self._meter.setToolTip(
-            "Distance of this pose from the nearest example; 100 % is as far as they are from "
-            "each other"
+            "How far this pose is from all examples: as far as so many per cent of them are, each "
+            "left out in turn; or, beyond all of them, how many times as far as the farthest"
         )
         self._colour, self._ghost = QComboBox(), QComboBox()
         self._colour.activated.connect(
-            lambda n: editor.change_look(colour=self._colour.itemData(n))
+            lambda n: editor.picture.change_look(colour=self._colour.itemData(n))
         )
-        self._ghost.activated.connect(lambda n: editor.change_look(ghost=self._ghost.itemData(n)))
+        self._ghost.activated.connect(
+            lambda n: editor.picture.change_look(ghost=self._ghost.itemData(n))
+        )
+        self._floor, self._height = QCheckBox(), QDoubleSpinBox()
+        self._floor.setToolTip("A plane where the examples stand, which no part passes")
+        self._floor.clicked.connect(lambda _: editor.floor.switch())
+        self._height.setRange(-1e9, 1e9)
+        self._height.setDecimals(4)
+        self._height.setKeyboardTracking(False)
+        self._height.setToolTip("Height of the floor along the model's up axis")
+        self._height.valueChanged.connect(editor.floor.set_height)
+        floor = QHBoxLayout()
+        floor.addWidget(self._floor)
+        floor.addWidget(self._height, 1)
         self._error = QLabel()
         form = QFormLayout(self)
         form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
         self._meter.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        for box in (self._start, self._body, self._colour, self._ghost):
+        for box in (self._body, self._colour, self._ghost):
             box.setMinimumContentsLength(8)
             box.setSizeAdjustPolicy(
                 QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
             )
         rows: tuple[tuple[str, Any], ...] = (
             ("Model", self._name),
-            ("Start from", self._start),
             ("Prior", strength),
             ("Body", self._body),
+            ("Floor", floor),
             ("Off data", self._meter),
             ("Colour", self._colour),
             ("Ghost", self._ghost),
@@ -84,12 +101,8 @@ class ModelPanel(QWidget):
         for label, field in rows:
             form.addRow(label, field)
 
-    def _begin(self, row: int) -> None:
-        name = self._start.itemText(row)
-        self._editor.start_from(name, start_codes(self._editor.model)[name])
-
     def _set_strength(self, position: int) -> None:
-        self._editor.set_noise(NOISE * geometric(position, *_STRENGTHS))
+        self._editor.prior.set_noise(NOISE * geometric(position, *_STRENGTHS))
 
     def model_changed(self) -> None:
         """Another model is open."""
@@ -99,21 +112,28 @@ class ModelPanel(QWidget):
             f"<b>{editor.session.model.path.rstrip('/').split('/')[-1]}</b><br>"
             f"{len(mesh.vertices):,} vertices<br>{editor.model.components} components"
         )
-        self._start.clear()
-        self._start.addItems(list(start_codes(editor.model)))
+
+    def _show_floor(self, height: float | None, size: float) -> None:
+        self._floor.setChecked(height is not None)
+        self._height.setEnabled(height is not None)
+        self._height.setSingleStep(0.005 * size)
+        if height is not None and not self._height.hasFocus():  # else the user is typing
+            with QSignalBlocker(self._height):
+                self._height.setValue(height)
 
     def refresh(self) -> None:
         """Show the current state."""
         editor = self._editor
         self.prior.show_position(geometric_position(editor.edit.noise / NOISE, *_STRENGTHS))
         self._body.setCurrentIndex(BODIES.index(editor.edit.body))
+        self._show_floor(editor.floor.height, editor.model.reference.bounding_diagonal)
         has_target = editor.state.target_mesh is not None
         colours = [n for n in COLOURINGS if n != "component" and (n != "error" or has_target)]
         titles = dict(COLOURINGS)
         kind, _, number = editor.state.look.colour.partition(":")
         if kind == "component":
             colours.append(editor.state.look.colour)
-            titles[editor.state.look.colour] = editor.model.label(int(number)).capitalize()
+            titles[editor.state.look.colour] = component_title(editor.model, int(number))
         ghosts = [n for n in _GHOSTS if n != "target" or has_target]
         for box, names, texts, now in (
             (self._colour, colours, titles, editor.state.look.colour),
@@ -127,9 +147,10 @@ class ModelPanel(QWidget):
         answer = editor.answer
         if answer is None:
             return
-        percent = round(100 * answer.off_data)
-        self._meter.setValue(min(percent, 300))
-        self._meter.setFormat(f"{percent} %")
-        colour = GOOD if percent <= 100 else FAIR if percent <= 200 else BAD
+        percent = answer.off_data
+        self._meter.setValue(round(min(percent, 200.0)))
+        beyond = f"{percent / 100:.1f} × the farthest"
+        self._meter.setFormat(f"{percent:.0f} % of examples" if percent <= 100 else beyond)
+        colour = GOOD if percent <= 100 else FAIR if percent <= 150 else BAD
         self._meter.setStyleSheet(f"QProgressBar::chunk {{ background: {colour}; }}")
         self._error.setText("no target" if answer.error is None else f"{answer.error:.3g}")

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, cast
 
 from PySide6.QtCore import (
     QEventLoop,
+    QSize,
     QSocketNotifier,
     Qt,
     QTimer,
@@ -28,6 +29,9 @@ from PySide6.QtCore import (
 from PySide6.QtGui import QFont
 from PySide6.QtWidgets import QApplication, QLabel, QProgressBar, QVBoxLayout, QWidget
 
+from deformer_app.viewer.qt.icons import window_icon
+from deformer_app.viewer.qt.project_style import ProjectStyle
+from deformer_app.viewer.qt.theme import apply_theme, preferred_theme
 from deformer_app.viewer.settings import EditInterrupted, Settings
 
 if TYPE_CHECKING:
@@ -44,15 +48,17 @@ class _OpeningWindow(QWidget):
         """Say what is going on."""
         super().__init__()
         self.setWindowTitle("Deformer")
-        self.resize(*_SIZE)
+        self.resize(QSize(*_SIZE).boundedTo(self.screen().availableSize()))
         column = QVBoxLayout(self)
         column.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        text = QLabel("Loading the model and the picture…")
-        text.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        column.setSpacing(14)
         bar = QProgressBar()
         bar.setRange(0, 0)
-        bar.setFixedSize(240, 8)
-        column.addWidget(text)
+        bar.setFixedSize(240, 6)
+        for text, rank in (("Deformer", "title"), ("Loading what computes and draws …", "second")):
+            label = QLabel(text)
+            label.setProperty("rank", rank)
+            column.addWidget(label, alignment=Qt.AlignmentFlag.AlignCenter)
         column.addWidget(bar, alignment=Qt.AlignmentFlag.AlignCenter)
 
 
@@ -151,11 +157,11 @@ def _fatal_messages_told() -> Iterator[None]:
         qInstallMessageHandler(before)
 
 
-def run_editor(model: str, saved: Session | None, path: Path | None) -> Session | None:
+def run_editor(model: str | None, saved: Session | None, path: Path | None) -> Session | None:
     """Show the editor until its window is closed.
 
     Args:
-        model: directory or name of the model to open.
+        model: directory or name of the model to open; None shows the start page.
         saved: the session to go on with, or None.
         path: file of that session, or None.
 
@@ -172,13 +178,20 @@ def run_editor(model: str, saved: Session | None, path: Path | None) -> Session 
 
 
 def _run_editor(
-    app: QApplication, ctrl_c: _CtrlC, model: str, saved: Session | None, path: Path | None
+    app: QApplication,
+    ctrl_c: _CtrlC,
+    model: str | None,
+    saved: Session | None,
+    path: Path | None,
 ) -> Session | None:
     app.setApplicationName("Deformer")
-    app.setStyle("Fusion")
+    app.setStyle(ProjectStyle())
+    app.setWindowIcon(window_icon())
     font = QFont()
     font.setPointSizeF(max(font.pointSizeF(), 9.5))
     app.setFont(font)
+    settings = Settings()
+    apply_theme(preferred_theme(settings))
     opening_window = _OpeningWindow()
     opening_window.show()
     importing = _Importing()
@@ -193,15 +206,16 @@ def _run_editor(
     timer.stop()
     app.lastWindowClosed.disconnect(waiting.quit)
     importing.join()
-    if ctrl_c.pressed:
-        raise EditInterrupted(None)
-    if not opening_window.isVisible():
+    if ctrl_c.pressed or not opening_window.isVisible() or importing.error is not None:
+        settings.close()
+        if ctrl_c.pressed:
+            raise EditInterrupted(None)
+        if importing.error is not None:
+            raise importing.error
         return None
-    if importing.error is not None:
-        raise importing.error
     from deformer_app.viewer.qt.window import Window
 
-    window = Window(Settings())
+    window = Window(settings)
     ctrl_c.heard_by(window.close_keeping)
     window.show()
     app.processEvents()  # draws the window before the other one closes

@@ -9,20 +9,22 @@ from deformer_app.viewer.editor import Editor
 from deformer_app.viewer.qt.notices import Strip
 
 _PAUSE = 900  # milliseconds between what the user does and the next step
+_POLL = 200  # milliseconds between two looks whether the solver is ready
+_WAITING = "The tour begins when the solver is ready. Drag anywhere to look around meanwhile."
 # Text of each step, and the change that completes it.
 _STEPS: tuple[tuple[str, type[Change] | None], ...] = (
     (
-        "Press the left button on a hand and pull it. The rest follows as in the examples.",
+        "Press the left button on the surface and pull. The rest follows as in the examples.",
         HandlesDragged,
     ),
     ("Drag beside the body to look around it; the wheel zooms to the cursor.", CameraMoved),
-    ("Click a foot and press P: pinned, it stays where it is.", HistoryChanged),
+    ("Click a place that should stay, and press P: it is pinned.", HistoryChanged),
     ("Ctrl+Z takes a step back, without end. F1 lists all keys. Enjoy!", None),
 )
 
 
 class Tour(Strip):
-    """The steps of the tour, one at a time.
+    """The steps of the tour, one at a time; the first waits for a solver that answers to drags.
 
     Args:
         editor: what the user tries it on.
@@ -32,17 +34,32 @@ class Tour(Strip):
         """Start hidden."""
         super().__init__("tour", ("Next", self.go_on), ("End tour", self.end))
         self._editor = editor
-        self._step: int | None = None
+        self._step: int | None = None  # −1 while the solver is being prepared
+        self._timer = QTimer(self)
+        self._timer.setInterval(_POLL)
+        self._timer.timeout.connect(self._look)
         editor.on_change.append(self._hear)
 
     @property
     def running(self) -> bool:
-        """True while a step is shown."""
+        """True while a step is shown, or the tour waits for the solver."""
         return self._step is not None
 
     def begin(self) -> None:
-        """Show the first step."""
-        self._show(0)
+        """Show the first step, as soon as the solver is ready."""
+        if self._editor.preparing:
+            self._step = -1
+            self.say(_WAITING)
+            self.show()
+            self._timer.start()
+        else:
+            self._show(0)
+
+    def _look(self) -> None:
+        if self._step != -1:  # gone on or ended
+            self._timer.stop()
+        elif not self._editor.preparing:
+            self._show(0)
 
     def go_on(self) -> None:
         """Show the next step, or end after the last one."""
@@ -63,7 +80,7 @@ class Tour(Strip):
         self.show()
 
     def _hear(self, change: Change) -> None:
-        if self._step is None:
+        if self._step is None or self._step < 0:
             return
         done_by = _STEPS[self._step][1]
         if done_by is not None and isinstance(change, done_by):

@@ -7,55 +7,66 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QByteArray, QObject, Qt, QTimer, Signal
+import numpy as np
+from PySide6.QtCore import QByteArray, QObject, QSize, QTimer, Signal
 from PySide6.QtGui import QCloseEvent, QKeySequence, QShortcut
 from PySide6.QtWidgets import (
     QApplication,
-    QDockWidget,
     QInputDialog,
     QLabel,
     QMainWindow,
-    QMessageBox,
     QVBoxLayout,
     QWidget,
 )
 
 from deformer import InputError
-from deformer_app.viewer.actions import Action
+from deformer_app.mistakes import mistake
+from deformer_app.viewer.actions import Action, carry_out
 from deformer_app.viewer.changes import (
     Change,
     FrameDrawn,
-    HistoryChanged,
-    LookChanged,
+    HandlesDragged,
+    MenuAsked,
     MistakeMade,
+    ModelClosed,
     ModelOpened,
     NoticeGiven,
-    PoseChanged,
+    PlaybackBegun,
+    WaitBegun,
+    WaitEnded,
 )
 from deformer_app.viewer.editor import Editor
-from deformer_app.viewer.qt.component_panel import ComponentPanel
+from deformer_app.viewer.qt.about_dialog import AboutDialog
+from deformer_app.viewer.qt.busy_mark import BusyMark
+from deformer_app.viewer.qt.context_menu import ContextMenu
+from deformer_app.viewer.qt.docks import Docks
+from deformer_app.viewer.qt.drops import Drops
+from deformer_app.viewer.qt.field_focus import FieldFocus
 from deformer_app.viewer.qt.file_dialogs import FileDialogs
-from deformer_app.viewer.qt.handle_panel import HandlePanel
 from deformer_app.viewer.qt.help_dialog import HelpDialog
+from deformer_app.viewer.qt.later import later
 from deformer_app.viewer.qt.menus import Menus
-from deformer_app.viewer.qt.model_panel import ModelPanel
 from deformer_app.viewer.qt.notices import Notices
+from deformer_app.viewer.qt.own_keys import OwnKeys
+from deformer_app.viewer.qt.pages import Pages
 from deformer_app.viewer.qt.picture import Picture
-from deformer_app.viewer.qt.theme import apply_theme
+from deformer_app.viewer.qt.recordings import Recordings
+from deformer_app.viewer.qt.session_files import SessionFiles
+from deformer_app.viewer.qt.start_page import StartPage
+from deformer_app.viewer.qt.surroundings import Surroundings
+from deformer_app.viewer.qt.theme_choice import ThemeChoice
 from deformer_app.viewer.qt.tour import Tour
+from deformer_app.viewer.qt.trained_models import TrainedModels
+from deformer_app.viewer.qt.training_bar import TrainingBar
 from deformer_app.viewer.qt.training_dialog import TrainingDialog
-from deformer_app.viewer.recording import Recorder, save_recording, save_turntable
 from deformer_app.viewer.scene import MeshView
 from deformer_app.viewer.session import Session
 from deformer_app.viewer.settings import Settings
+from deformer_app.viewer.shape_thumbnails import Thumbnails
 from deformer_app.viewer.vtk_input import listen
 
 _TICK = 4  # milliseconds between two ticks while the editor is busy
 _PANELS = 120  # milliseconds after a change until the docks show it
-_AUTOSAVE = 1500  # milliseconds after a step until the autosave
-_PATIENCE = 700  # milliseconds of preparation after which the user is told
-_MOVIES = "Animations (*.gif *.mp4)"
-_RECORDINGS = "Animations and shapes (*.mp4 *.gif *.glb *.mdd *.pc2 *.usd *.usda *.usdc *.npz)"
 
 
 class _Wake(QObject):
@@ -72,8 +83,12 @@ class Window(QMainWindow):
 
     Attributes:
         editor: what the user works with.
-        menus, notices, tour: parts of the window.
-        model_panel, handle_panel, component_panel: the docks.
+        menus, notices, busy_mark, tour: parts of the window.
+        theme: whether the window is light or dark.
+        context_menu: menus of the right button.
+        files: the model and session that are open, with their files.
+        docks: the panels around the picture.
+        thumbnails: small pictures of shapes, for the docks.
         training: the dialog that trains a model, once it has been opened.
     """
 
@@ -82,11 +97,9 @@ class Window(QMainWindow):
         super().__init__()
         self.settings = settings
         self.setWindowTitle("Deformer")
-        self.resize(1360, 880)
+        self.resize(QSize(1360, 880).boundedTo(self.screen().availableSize()))
         self.training: TrainingDialog | None = None
-        self._file: Path | None = None
         self._dialogs = FileDialogs(self)
-        self._recorder: Recorder | None = None
         self._help: HelpDialog | None = None
         self._may_close = False
         self._kept: Path | None = None  # the autosave, after Ctrl-C
@@ -96,8 +109,7 @@ class Window(QMainWindow):
         self._timer.setInterval(_TICK)
         self._timer.timeout.connect(self._tick)
         self._wake.called.connect(self._awake)
-        self._refresh_soon = self._delayed(_PANELS, self._refresh)
-        self._autosave = self._delayed(_AUTOSAVE, self._write_autosave)
+        self._refresh_soon = later(self, _PANELS, self._refresh)
 
         centre = QWidget()
         self.plotter = Picture(centre, auto_update=False, multi_samples=0)
@@ -105,51 +117,49 @@ class Window(QMainWindow):
             MeshView(self.plotter, density=self.plotter.devicePixelRatioF), self._wake.called.emit
         )
         self.editor.on_change.append(self._hear)
-        listen(self.editor.state.view, self.editor.controller.handle)
+        listen(
+            self.editor.state.view,
+            self.editor.controller.handle,
+            self.editor.controller.handle_key,
+            buttons=lambda: self.plotter.buttons,
+        )
+        self.plotter.takes_numbers = lambda: self.editor.controller.takes_numbers
+        OwnKeys(self)
+        FieldFocus(self, self.plotter)
+        self.thumbnails = Thumbnails(self.editor, density=self.plotter.devicePixelRatioF())
         self.tour = Tour(self.editor)
         column = QVBoxLayout(centre)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(0)
         column.addWidget(self.plotter, 1)
         column.addWidget(self.tour)
-        self.setCentralWidget(centre)
-        self.notices = Notices(self.plotter, lambda: self.attempt(self.record))
+        self.plotter.setAcceptDrops(False)  # the window takes what is dropped on it
+        self.start_page = StartPage(self, settings)
+        self.pages = Pages(self, self.start_page, centre)
+        self.setCentralWidget(self.pages)
+        Drops(self, self, self.attempt)
+        self.notices = Notices(self.pages, self.plotter, lambda: self.attempt(self.record))
+        self.busy_mark = BusyMark(self)
+        self._recordings = Recordings(
+            self, lambda on: self.notices.show_strip(self.notices.recording, on)
+        )
         self.menus = Menus(self, self._run)
-        self.menus.recent.aboutToShow.connect(self._list_recent)
-        self._add_docks()
+        self.context_menu = ContextMenu(self.plotter, self, self.menus)
+        self.files = SessionFiles(self, self)
+        self._trained = TrainedModels(self, self.files, self.pages)
+        self.menus.recent.aboutToShow.connect(lambda: self.files.fill_recent(self.menus.recent))
+        self.docks = Docks(
+            self, Surroundings(self.editor, self.thumbnails, self.settings, self.attempt)
+        )
+        self.menus.menus["View"].addActions(list(self.docks.toggles))
         self._hint, self._times = QLabel(), QLabel()
         self.statusBar().addWidget(self._hint, 1)
+        self._training_bar = TrainingBar(self.train)
+        self.statusBar().addPermanentWidget(self._training_bar)
         self.statusBar().addPermanentWidget(self._times)
         QShortcut(QKeySequence("Esc"), self, self.escape)
+        self.theme = ThemeChoice(self.editor, settings)
         self._restore_layout()
-
-    def _delayed(self, milliseconds: int, run: Callable[[], None]) -> QTimer:
-        timer = QTimer(self)
-        timer.setSingleShot(True)
-        timer.setInterval(milliseconds)
-        timer.timeout.connect(run)
-        return timer
-
-    def _add_docks(self) -> None:
-        self.model_panel = ModelPanel(self.editor)
-        self.handle_panel = HandlePanel(self.editor)
-        self.component_panel = ComponentPanel(self.editor)
-        left, right = Qt.DockWidgetArea.LeftDockWidgetArea, Qt.DockWidgetArea.RightDockWidgetArea
-        docks = []
-        for title, panel, area in (
-            ("Model", self.model_panel, left),
-            ("Handles", self.handle_panel, right),
-            ("Components", self.component_panel, right),
-        ):
-            dock = QDockWidget(title, self)
-            dock.setObjectName(title)
-            dock.setWidget(panel)
-            self.addDockWidget(area, dock)
-            self.menus.menus["View"].addAction(dock.toggleViewAction())
-            docks.append(dock)
-        model, handles, components = docks
-        self.resizeDocks([handles, components], [330, 370], Qt.Orientation.Vertical)
-        self.resizeDocks([model, handles], [250, 310], Qt.Orientation.Horizontal)
 
     def _restore_layout(self) -> None:
         geometry, docks = (QByteArray.fromBase64(part.encode()) for part in self.settings.layout)
@@ -157,7 +167,7 @@ class Window(QMainWindow):
         self.restoreState(docks)
 
     def _note_layout(self) -> None:
-        parts = (self.saveGeometry(), self.saveState())
+        parts = (self.saveGeometry(), self.pages.layout_state)
         self.settings.note_layout(*(bytes(part.toBase64().data()).decode() for part in parts))
 
     @property
@@ -167,113 +177,57 @@ class Window(QMainWindow):
 
     # Models and sessions.
 
-    def begin(self, model: str, session: Session | None, file: Path | None) -> None:
-        """Open the first model; offer the autosave of a crash."""
+    def begin(self, model: str | None, session: Session | None, file: Path | None) -> None:
+        """Open the first model, or the start page without one; offer the autosave of a crash."""
         left = self.settings.left_by_crash()
-        self.attempt(lambda: self._open(model, session, file))
-        if left is not None and self._restore(left):
-            return
-        if not self.settings.tour_seen:
-            self.settings.note_tour()
-            self.tour.begin()
-
-    def _restore(self, left: Path) -> bool:
-        answer = QMessageBox.question(
-            self,
-            "Deformer",
-            "The last session did not end well. Open what was saved of it?",
-        )
-        found = answer == QMessageBox.StandardButton.Yes and self.attempt(
-            lambda: self._open_restored(left)
-        )
-        self.settings.forget(left)
-        return bool(found)
-
-    def _open_restored(self, left: Path) -> None:
-        session = Session.load(left)
-        session.mark_unsaved()
-        self._open(session.model.path, session, None)
-        self._autosave.start()
-
-    def _open(self, model: str | Path, session: Session | None, file: Path | None) -> None:
-        self.notices.hide_mistake()
-        self.editor.open_model(model, session)
-        self._file = file
-        self.settings.remember(str(file.resolve()) if file else self.editor.session.model.path)
+        if model is None or not self.attempt(lambda: self.files.open(model, session, file)):
+            self.pages.show_start()
+        if left is not None:
+            self.files.restore(left)
 
     def attempt(self, run: Callable[[], Any]) -> bool:
         """Run a function; on a mistake show its message and return False."""
+        told = self.notices.told
         try:
             run()
         except (InputError, OSError) as error:
-            self.notices.show_mistake(str(error))
+            self.notices.show_mistake(mistake(error))
             return False
+        self.notices.forget(told)
         return True
 
     def _run(self, action: Action) -> None:
-        self.attempt(lambda: action.run(self))
+        self.attempt(lambda: carry_out(action, self))
         self._refresh()
+
+    # Functions that actions call; see `actions.Shell`.
 
     def open_model(self, path: Path | str) -> None:
         """Open a model, unless the user wants to keep unsaved work; offer to train on shapes."""
-        folder = Path(path)
-        if folder.is_dir() and not (folder / "model.json").exists():
-            question = f"{folder} holds no model. Train one on the shapes in it?"
-            if QMessageBox.question(self, "Deformer", question) == QMessageBox.StandardButton.Yes:
-                self.train().choose(folder)
-        elif self.may_leave():
-            self.attempt(lambda: self._open(path, None, None))
+        self.files.open_model(path)
 
     def open_session(self, path: Path | str) -> None:
         """Open a session, unless the user wants to keep unsaved work."""
+        self.files.open_session(path)
 
-        def load() -> None:
-            session = Session.load(path)
-            self._open(session.model.path, session, Path(path))
+    def close_model(self) -> None:
+        """Close the model, unless the user wants to keep unsaved work."""
+        self.files.close()
 
-        if self.may_leave():
-            self.attempt(load)
-
-    def _list_recent(self) -> None:
-        self.menus.recent.clear()
-        for name in self.settings.recent:
-            opener = self.open_session if name.endswith(".json") else self.open_model
-            item = self.menus.recent.addAction(name)
-            item.triggered.connect(lambda _=False, n=name, f=opener: f(n))
+    def act(self, action: str) -> None:
+        """Run an action by its id."""
+        self.menus.items[action].trigger()
 
     def save(self, elsewhere: bool) -> bool:
         """Save the session; return False if the user cancels."""
-        path = self._file
-        if path is None or elsewhere:
-            path = self.ask_save("Save session", "session.json", "Sessions (*.json)")
-        if path is None or not self.attempt(lambda: self.editor.save_session(path)):
-            return False
-        self._file = path
-        self.settings.remember(str(path.resolve()))
-        self.settings.forget(self.settings.autosave)
-        self.statusBar().showMessage(f"Saved {path}", 4000)
-        return True
+        path = self.files.save(elsewhere)
+        if path is not None:
+            self.notices.show_note(f"Saved {path}")
+        return path is not None
 
     def may_leave(self) -> bool:
         """Ask if there is unsaved work; return False if the user cancels."""
-        if not self.editor.is_open or not self.editor.session.changed:
-            return True
-        buttons = QMessageBox.StandardButton
-        answer = QMessageBox.question(
-            self,
-            "Deformer",
-            "Save the changes to this session?",
-            buttons.Save | buttons.Discard | buttons.Cancel,
-        )
-        if answer == buttons.Save:
-            return self.save(False)
-        return answer == buttons.Discard
-
-    def _write_autosave(self) -> None:
-        if self.editor.is_open and self.editor.session.changed:
-            self.attempt(lambda: self.editor.write_copy(self.settings.autosave))
-
-    # Functions that actions call; see `actions.Shell`.
+        return self.files.may_leave()
 
     def ask_open(self, title: str, files: str) -> Path | None:
         """Ask for a file to read."""
@@ -287,6 +241,19 @@ class Window(QMainWindow):
         """Ask for a file to write."""
         return self._dialogs.ask_save(title, name, files)
 
+    def ask_text(self, title: str, about: str, start: str) -> str | None:
+        """Ask for a line of text."""
+        text, given = QInputDialog.getText(self, title, about, text=start)
+        return text if given else None
+
+    def copy_text(self, text: str) -> None:
+        """Put a text on the clipboard."""
+        QApplication.clipboard().setText(text)
+
+    def copied_text(self) -> str:
+        """Return the text on the clipboard; empty if there is none."""
+        return QApplication.clipboard().text()
+
     def ask_number(self, title: str, about: str, start: int, most: int) -> int | None:
         """Ask for a whole number of 1 to `most`."""
         number, given = QInputDialog.getInt(self, title, about, start, 1, most)
@@ -295,33 +262,24 @@ class Window(QMainWindow):
     def train(self) -> TrainingDialog:
         """Open the dialog that trains a model on shapes."""
         if self.training is None or self.training.ended:
-            self.training = TrainingDialog(self, self.open_model)
+            self.training = TrainingDialog(self, self._trained.take, self._trained.take_failure)
+            self._training_bar.follow(self.training)
         self.training.show()
+        self.training.raise_()
         return self.training
 
     @property
     def recording(self) -> bool:
         """True while the picture is being recorded."""
-        return self._recorder is not None
+        return self._recordings.running
 
     def record(self) -> None:
         """Begin or end a recording."""
-        if self._recorder is None:
-            self._recorder = Recorder(self.editor)
-            self.notices.show_strip(self.notices.recording)
-            return
-        recorder, self._recorder = self._recorder, None
-        self.notices.show_strip(self.notices.recording, False)
-        pictures = recorder.stop()
-        path = self.ask_save("Save recording", "drag.mp4", _RECORDINGS)
-        if path is not None:
-            self.editor.run(save_recording(self.editor, path, pictures))
+        self._recordings.toggle()
 
     def turntable(self) -> None:
         """Write a turntable."""
-        path = self.ask_save("Save turntable", "turntable.gif", _MOVIES)
-        if path is not None:
-            self.editor.run(save_turntable(self.editor, path))
+        self._recordings.turntable()
 
     def help(self) -> None:
         """Show or hide the keys and what the mouse does."""
@@ -330,6 +288,17 @@ class Window(QMainWindow):
             return
         self._help = HelpDialog(self)
         self._help.show()
+
+    def about(self) -> None:
+        """Show the version, licences and the model's card."""
+        AboutDialog(self, self.editor).show()
+
+    def choose_theme(self, dark: bool | None) -> None:
+        """Show the dark or the light theme from now on, or the system's for None."""
+        if dark is None:
+            self.theme.follow_system()
+        else:
+            self.theme.choose(dark)
 
     def begin_tour(self) -> None:
         """Begin the tour."""
@@ -345,34 +314,44 @@ class Window(QMainWindow):
         )
 
     def escape(self) -> None:
-        """Cancel the current drag; without one, go back to dragging and close the message."""
-        if not self.editor.controller.cancel():
-            self.editor.state.set_tool("drag")
-            self.notices.hide_mistake()
+        """Cancel the drag or the animation; else go back to dragging and close the message."""
+        if not (self.editor.controller.cancel() or self.editor.filming.give_up()):
+            self.editor.stage.set_tool("drag")
+            self.notices.hide_note()
+            self.notices.mistake.close_one()
 
     def _hear(self, change: Change) -> None:
         match change:
             case MistakeMade(text):
                 self.notices.show_mistake(text)
             case NoticeGiven(text):
-                self.statusBar().showMessage(text, 6000)
-            case PoseChanged():
-                self.notices.show_strip(self.notices.preparing, False)
+                self.notices.show_note(text)
+            case WaitBegun(text):
+                self.notices.show_wait(text)
+            case WaitEnded():
+                self.notices.show_wait("")
+            case PlaybackBegun() | HandlesDragged():
+                self.notices.forget(self.notices.told)
             case ModelOpened():
-                QTimer.singleShot(_PATIENCE, self._tell_of_preparation)
-                self.model_panel.model_changed()
-                self.component_panel.model_changed()
-            case LookChanged():
-                apply_theme(self.editor.state.view.theme)
-            case HistoryChanged():
-                self._autosave.start()
+                self.pages.show_picture()
+                self.plotter.setFocus()
+                self._begin_first_tour()
+                self.notices.preparing.follow(self.editor)
+                self.docks.model_changed()
+            case MenuAsked(pixel, hover):
+                self.context_menu.popup(pixel, hover)
+            case ModelClosed():
+                self.tour.end()
+                self.pages.show_start()
             case FrameDrawn():
                 self._show_times()
         if not self._refresh_soon.isActive():
             self._refresh_soon.start()
 
-    def _tell_of_preparation(self) -> None:
-        self.notices.show_strip(self.notices.preparing, self.editor.preparing)
+    def _begin_first_tour(self) -> None:
+        if not self.settings.tour_seen:
+            self.settings.note_tour()
+            self.tour.begin()
 
     def _awake(self) -> None:
         if not self._timer.isActive():  # restarting it with every answer would delay it
@@ -380,8 +359,17 @@ class Window(QMainWindow):
 
     def _tick(self) -> None:
         self.editor.tick()
+        self.notices.keep_clear(self.editor.dragging, self._work())
         if self.editor.idle:
             self._timer.stop()
+
+    def _work(self) -> tuple[float, float] | None:
+        """Pixels from the picture's left and top to the manipulator, if it is shown."""
+        gizmo, state = self.editor.stage.gizmo, self.editor.state
+        if gizmo is None:
+            return None
+        x, y = state.camera.project(np.array([gizmo.centre]), state.view.size)[0][:2]
+        return float(x), float(y)
 
     def _show_times(self) -> None:
         editor = self.editor
@@ -396,12 +384,14 @@ class Window(QMainWindow):
         editor = self.editor
         self.menus.refresh(self)
         if not editor.is_open:
+            self.setWindowTitle("Deformer")
+            self.setWindowModified(False)
+            self._hint.clear()
+            self._times.clear()
             return
-        for panel in (self.model_panel, self.handle_panel, self.component_panel):
-            panel.refresh()
-        name = self._file.name if self._file else Path(editor.session.model.path).name
+        self.docks.refresh()
         preparing = " (preparing)" if editor.preparing else ""
-        self.setWindowTitle(f"{name}[*] – Deformer{preparing}")
+        self.setWindowTitle(f"{self.files.name}[*] – Deformer{preparing}")
         self.setWindowModified(editor.session.changed)
         self._hint.setText(editor.stage.hint)
 
@@ -419,22 +409,26 @@ class Window(QMainWindow):
         """Close without asking; keep the autosave if there was unsaved work."""
         while (dialog := QApplication.activeModalWidget()) is not None and dialog.close():
             pass
-        if self.editor.is_open and self.editor.session.changed:
-            self.editor.write_copy(self.settings.autosave)
-            self._kept = self.settings.autosave
+        if self.files.unsaved:
+            self._kept = self.files.autosave.write()
         self.close_unsaved()
+
+    def _may_stop_training(self) -> bool:
+        return self.training is None or self.training.may_stop()
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """Ask if there is unsaved work, then close threads and view."""
-        # Ctrl-C may come while `may_leave` asks.
-        if self._may_close or self.may_leave() or self._may_close:
+        # Ctrl-C may come while one of them asks.
+        if self._may_close or (self._may_stop_training() and self.may_leave()) or self._may_close:
             self._may_close = True
             if self.training is not None:
-                self.training.cancel()
+                self.training.cancel(keep=True)
             self._timer.stop()
+            self.files.autosave.end()
             self._note_layout()
             self.editor.close()
             self.settings.close(keep=self._kept is not None)
+            self.thumbnails.close()
             self.plotter.close()
             event.accept()
         else:

@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from display import virtual_display
+from waiting import HANG
 
 pytest.importorskip("PySide6", reason='needs Qt: pip install "deformer[app]"')
 pytestmark = pytest.mark.window
@@ -43,7 +44,7 @@ print("session", run_editor("humanoid", None, None) is not None)
 def run(code, folder, display):
     environment = {**os.environ, "DISPLAY": display, "DEFORMER_SETTINGS": str(folder)}
     return subprocess.run(
-        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=120
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=HANG
     )
 
 
@@ -92,7 +93,7 @@ HEED = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\
 
 @pytest.mark.parametrize("arguments", [["edit"], ["edit", "--plain"]])
 def test_with_a_dead_display_it_is_one_line(tmp_path, arguments):
-    environment = {**os.environ, "DISPLAY": ":77", "DEFORMER_SETTINGS": str(tmp_path)}
+    environment = {**os.environ, "DISPLAY": ":9977", "DEFORMER_SETTINGS": str(tmp_path)}
     for name in ("WAYLAND_DISPLAY", "QT_QPA_PLATFORM"):
         environment.pop(name, None)
     done = subprocess.run(
@@ -102,7 +103,7 @@ def test_with_a_dead_display_it_is_one_line(tmp_path, arguments):
         text=True,
     )
     assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
-    assert "no X server answers at DISPLAY=:77" in done.stderr
+    assert "no X server answers at DISPLAY=:9977" in done.stderr
 
 
 def test_what_makes_qt_abort_is_one_line(tmp_path):
@@ -137,7 +138,7 @@ def look():
             send()
         if "{moment}" != "first" and name == "Window" and widget.editor.idle:
             if not widget.editor.session.changed:
-                widget.editor.place(100, add=True)
+                widget.editor.handles.place(100, add=True)
                 widget.editor.commit("Place handle")
             elif "{moment}" == "question":
                 sent.append(1)
@@ -153,7 +154,7 @@ def send():
 timer = QTimer()
 timer.timeout.connect(look)
 timer.start(5)
-sys.argv[1:] = ["edit"]
+sys.argv[1:] = ["edit", "humanoid"]
 main()
 """
 

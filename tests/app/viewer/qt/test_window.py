@@ -1,13 +1,6 @@
 """The Qt window on a virtual display: docks, dialogs, and a real mouse."""
 
-import importlib.util
-import json
-import os
-import subprocess
 import sys
-import time
-from contextlib import suppress
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,64 +8,13 @@ import pytest
 import deformer
 from deformer_app.viewer.actions import ACTIONS
 from deformer_app.viewer.gizmo import translation
-from deformer_app.viewer.pose_worker import replay
-from deformer_app.viewer.session import ModelName, Session
-from display import virtual_display
-from paths import ROOT
-from shapes import sequence, small_model
+from person import place, rest
+from shapes import sequence
 from waiting import wait_for
 
 pytestmark = pytest.mark.window
 pytest.importorskip("PySide6", reason='needs Qt: pip install "deformer[app]"')
 pytest.importorskip("pyvistaqt", reason='needs pyvistaqt: pip install "deformer[app]"')
-
-
-@pytest.fixture(scope="module")
-def display():
-    with virtual_display("xdotool") as name:
-        yield name
-
-
-@pytest.fixture(scope="module")
-def model_path(tmp_path_factory):
-    path = tmp_path_factory.mktemp("models") / "tube"
-    small_model().save(path)
-    return path
-
-
-@pytest.fixture(scope="module")
-def app(display):
-    before = {name: os.environ.get(name) for name in ("DISPLAY", "QT_QPA_PLATFORM")}
-    os.environ.update(DISPLAY=display, QT_QPA_PLATFORM="xcb")
-    from PySide6.QtWidgets import QApplication
-
-    application = QApplication.instance() or QApplication([])
-    yield application
-    application.shutdown()  # before its display ends: X would end the whole process
-    for name, value in before.items():
-        if value is None:
-            os.environ.pop(name, None)
-        else:
-            os.environ[name] = value
-
-
-@pytest.fixture
-def window(app, model_path, tmp_path):
-    from deformer_app.viewer.qt.window import Window
-    from deformer_app.viewer.settings import Settings
-
-    settings = Settings(tmp_path / "settings")
-    settings.note_tour()
-    made = Window(settings)
-    made.show()
-    made.begin(str(model_path), None, None)
-    wait_for(lambda: made.editor.activations is not None and made.editor.idle, app.processEvents)
-    yield made
-    made.close_unsaved()
-
-
-def rest(app, window):
-    wait_for(lambda: window.idle, app.processEvents)
 
 
 def test_what_cannot_be_done_is_disabled_and_a_recording_changes_its_title(app, window):
@@ -89,12 +31,6 @@ def test_what_cannot_be_done_is_disabled_and_a_recording_changes_its_title(app, 
     assert items["record"].text() == "Stop recording" and window.recording
 
 
-def place(window, *vertices):
-    for vertex in vertices:
-        window.editor.place(vertex, add=True)
-    window.editor.commit("Place handle")
-
-
 def test_every_action_has_a_menu_entry_and_no_key_is_given_twice(window):
     items = window.menus.items
     assert list(items) == [action.id for action in ACTIONS]
@@ -104,33 +40,125 @@ def test_every_action_has_a_menu_entry_and_no_key_is_given_twice(window):
     assert all(item.text() for item in items.values())
 
 
+def test_names_of_handles_keep_their_room(app, window):
+    from PySide6.QtWidgets import QTableWidgetItem
+
+    from deformer_app.viewer.qt.handle_table import HandleTable
+
+    table = HandleTable()
+    table.setRowCount(1)
+    for column, text in enumerate(("Bottom 2234", "soft", "1", "0.83 %, 12°")):
+        table.setItem(0, column, QTableWidgetItem(text))
+    table.show()
+    table.resize(600, 100)
+    app.processEvents()
+    assert not table.isColumnHidden(2)
+    name = table.sizeHintForColumn(0)
+    needed = [max(table.sizeHintForColumn(n), table.horizontalHeader().sectionSizeHint(n))
+              for n in range(4)]  # fmt: skip
+    assert table.columnWidth(1) == needed[1] and table.columnWidth(0) > 2 * name
+    frame = table.width() - table.viewport().width()
+    table.resize(sum(needed) - needed[2] + frame + 8, 100)
+    app.processEvents()
+    assert table.isColumnHidden(2) and table.columnWidth(0) >= name
+    table.resize(sum(needed) + frame + 8, 100)
+    app.processEvents()
+    assert not table.isColumnHidden(2) and table.columnWidth(0) >= name
+    table.close()
+
+
+def test_escape_gives_up_an_animation_and_the_window_tells_its_progress(app, window, tmp_path):
+    from deformer_app.viewer.recording import save_turntable
+
+    window.editor.run(save_turntable(window.editor, tmp_path / "turn.gif"))
+    wait = window.notices.wait
+    wait_for(lambda: "turn.gif: frame 2 of" in wait.text, app.processEvents)
+    assert not wait.isHidden()
+    window.escape()
+    rest(app, window)
+    assert not window.editor.filming.running and wait.isHidden()
+    assert not (tmp_path / "turn.gif").exists() and "given up" in window.notices.note.text
+
+
+def test_without_a_selected_handle_there_are_no_coordinates(app, window):
+    from deformer_app.viewer.qt.handle_panel import HandlePanel
+
+    place(window, 100)
+    rest(app, window)
+    boxes = window.docks.panel(HandlePanel).coordinates
+    assert all(box.text().strip() for box in boxes)
+    window.editor.handles.select([])
+    rest(app, window)
+    assert not any(box.text().strip() for box in boxes)
+    window.editor.handles.select_all()
+    rest(app, window)
+    centre = window.editor.edit.handles[0].centre
+    assert [box.value() for box in boxes] == pytest.approx(centre, abs=1e-4)
+
+
 def test_docks_show_what_is_selected_and_numbers_move_it(app, window):
+    from deformer_app.viewer.qt.handle_panel import HandlePanel
+
     place(window, 100, 60)
     rest(app, window)
-    panel = window.handle_panel
+    panel = window.docks.panel(HandlePanel)
     assert panel.table.rowCount() == 2
     panel.table.selectRow(0)
-    assert len(window.editor.selected) == 1
+    assert len(window.editor.handles.selected) == 1
     rest(app, window)
-    before = window.editor.edit.handle(next(iter(window.editor.selected))).centre
+    before = window.editor.edit.handle(next(iter(window.editor.handles.selected))).centre
     panel.coordinates[1].setValue(before[1] + 0.3)
     rest(app, window)
-    after = window.editor.edit.handle(next(iter(window.editor.selected))).centre
+    after = window.editor.edit.handle(next(iter(window.editor.handles.selected))).centre
     assert after[1] == pytest.approx(before[1] + 0.3, abs=1e-4)
     assert after[0] == pytest.approx(before[0], abs=1e-4)
     assert "%" in panel.table.item(0, 3).text()
 
 
+def test_a_handle_is_renamed_in_the_table_and_a_taken_name_is_told(app, window):
+    from PySide6.QtCore import Qt
+    from PySide6.QtTest import QTest
+    from PySide6.QtWidgets import QLineEdit
+
+    from deformer_app.viewer.qt.handle_panel import HandlePanel
+
+    place(window, 100, 60)
+    rest(app, window)
+    table = window.docks.panel(HandlePanel).table
+
+    def rename(row, name):
+        table.setFocus()
+        table.setCurrentCell(row, 0)
+        QTest.keyClick(table, Qt.Key.Key_F2)
+        field = table.viewport().findChild(QLineEdit)
+        QTest.keyClicks(field, name)
+        QTest.keyClick(field, Qt.Key.Key_Return)
+        wait_for(lambda: table.viewport().findChild(QLineEdit) is None, app.processEvents)
+        rest(app, window)
+
+    rename(0, "left foot")
+    assert table.item(0, 0).text() == "left foot" == window.editor.edit.handles[0].name
+    assert "left foot" in dict(window.editor.timeline.rows).values()
+    other = table.item(1, 0).text()
+    rename(1, "left foot")
+    assert "another handle has this name" in window.notices.mistake.text
+    assert table.item(1, 0).text() == other and not window.editor.edit.handles[1].name
+    window.menus.items["undo"].trigger()
+    rest(app, window)
+    assert table.item(0, 0).text().endswith(" 100")
+
+
 def test_a_slider_of_a_component_moves_the_mesh(app, window):
+    from deformer_app.viewer.qt.component_panel import ComponentPanel
+
     rest(app, window)
     known = window.editor.activations
     k = int(known.order[0])
-    slider = window.component_panel.sliders[k]
-    assert list(window.component_panel.sliders) == known.order.tolist()
+    slider = wait_for(lambda: window.docks.panel(ComponentPanel).sliders.get(k), app.processEvents)
     before = window.editor.vertices.copy()
     slider.setValue(slider.maximum())
     rest(app, window)
-    assert window.editor.code[k] == pytest.approx(known.high[k], abs=1e-6)
+    assert window.editor.code[k] == pytest.approx(known.extreme[k], abs=1e-6)
     assert np.abs(window.editor.vertices - before).max() > 0.01
     window.menus.items["undo"].trigger()
     rest(app, window)
@@ -139,12 +167,14 @@ def test_a_slider_of_a_component_moves_the_mesh(app, window):
 
 
 def test_the_dial_of_the_prior_decides_how_far_a_handle_is_followed(app, window):
+    from deformer_app.viewer.qt.model_panel import ModelPanel
+
     place(window, 115)
     x, y, z = window.editor.edit.handles[0].centre
-    window.editor.set_centre([x + 0.2, y + 0.8, z + 0.6])
+    window.editor.handles.set_centre([x + 0.2, y + 0.8, z + 0.6])
     off = []
     for position in (0, 1000):
-        window.model_panel.prior.setValue(position)
+        window.docks.panel(ModelPanel).prior.setValue(position)
         rest(app, window)
         off.append(float(window.editor.answer.pose.residual[0]))
     assert off[0] < 0.5 * off[1]
@@ -158,31 +188,21 @@ def test_a_mistake_is_a_line_in_the_window_and_nothing_is_lost(app, window, tmp_
     window.escape()
     assert told.isHidden()
     place(window, 100)
-    window.attempt(lambda: window.editor.load_target(tmp_path / "none.ply"))
+    window.attempt(lambda: window.editor.picture.load_target(tmp_path / "none.ply"))
     assert "none.ply" in told.text
     assert len(window.editor.edit.handles) == 1
 
 
-def test_closing_asks_only_if_something_would_be_lost(app, window, monkeypatch, tmp_path):
-    from PySide6.QtWidgets import QMessageBox
-
-    asked = []
-
-    def question(*arguments):
-        asked.append(arguments[2])
-        return answers.pop(0)
-
-    monkeypatch.setattr(QMessageBox, "question", question)
-    answers = []
-    assert window.may_leave() and not asked
+def test_closing_asks_only_if_something_would_be_lost(app, window, monkeypatch, tmp_path, answers):
+    assert window.may_leave() and not answers.asked
     place(window, 100)
-    answers = [QMessageBox.StandardButton.Cancel]
-    assert not window.may_leave() and len(asked) == 1
+    answers.append("Cancel")
+    assert not window.may_leave() and len(answers.asked) == 1
     file = tmp_path / "work.json"
     monkeypatch.setattr(window, "ask_save", lambda *_: file)
-    answers = [QMessageBox.StandardButton.Save]
+    answers.append("Save")
     assert window.may_leave() and file.is_file()
-    assert window.may_leave() and len(asked) == 2
+    assert window.may_leave() and len(answers.asked) == 2
     assert window.settings.recent[0] == str(file)
 
 
@@ -207,11 +227,8 @@ def test_training_opens_its_model_and_can_be_cancelled(app, window, tmp_path):
     assert window.editor.session.model.path == str((tmp_path / "shapes-model").resolve())
 
 
-def test_a_folder_of_shapes_is_offered_for_training(app, window, tmp_path, monkeypatch):
-    from PySide6.QtWidgets import QMessageBox
-
-    yes = QMessageBox.StandardButton.Yes
-    monkeypatch.setattr(QMessageBox, "question", lambda *_: yes)
+def test_a_folder_of_shapes_is_offered_for_training(app, window, tmp_path, answers):
+    answers.append("Train…")
     folder = tmp_path / "walk"
     deformer.save_shapes(folder, sequence(3))
     window.open_model(folder)
@@ -223,8 +240,8 @@ def test_a_folder_of_shapes_is_offered_for_training(app, window, tmp_path, monke
 def test_the_tour_goes_on_by_what_is_done(app, window):
     window.tour.begin()
     first = window.tour.text
-    window.editor.place(100)
-    window.editor.move_selected(translation([0.0, 0.1, 0.0]))
+    window.editor.handles.place(100)
+    window.editor.handles.move_selected(translation([0.0, 0.1, 0.0]))
     wait_for(lambda: window.tour.text != first, app.processEvents)
     for _ in range(3):
         window.tour.go_on()
@@ -239,8 +256,56 @@ def test_training_on_nonsense_is_told_in_the_dialog(app, window, tmp_path):
     assert "nothing.npz" in dialog.status.text()
 
 
-# Where the shipped figure is in a new window, in pixels of the screen.
-HAND, FEET = (797, 417), ((631, 686), (729, 697))
+def test_a_long_mistake_squashes_no_field_of_the_training_dialog(app, window, tmp_path):
+    dialog = window.train()
+    dialog.choose(tmp_path / ("a very long name of a folder " * 7) / "nothing.npz")
+    app.processEvents()
+    before = dialog.shapes.height()
+    dialog.start_button.click()
+    wait_for(lambda: not dialog.training, app.processEvents)
+    app.processEvents()
+    assert dialog.status.height() >= dialog.status.heightForWidth(dialog.status.width())
+    assert dialog.shapes.height() == before >= dialog.shapes.minimumSizeHint().height()
+    dialog.hide()
+
+
+def test_the_status_bar_shows_a_training_in_the_background(app, window, tmp_path):
+    from PySide6.QtCore import Qt
+    from PySide6.QtTest import QTest
+
+    from deformer_app.viewer.qt.training_bar import TrainingBar
+
+    bar = window.findChild(TrainingBar)
+    deformer.save_shapes(tmp_path / "shapes.npz", sequence())
+    dialog = window.train()
+    dialog.choose(tmp_path / "shapes.npz")
+    dialog.epochs.setValue(100_000)
+    assert bar.isHidden()
+    dialog.start_button.click()
+    assert dialog.hide_button.isVisible() and not dialog.start_button.isVisible()
+    dialog.hide_button.click()
+    assert not dialog.isVisible()
+    wait_for(lambda: bar.isVisible() and bar.percent > 0, app.processEvents)
+    QTest.mouseClick(bar, Qt.MouseButton.LeftButton)
+    assert dialog.isVisible()
+    dialog.cancel_button.click()
+    wait_for(lambda: not dialog.training, app.processEvents)
+    assert bar.isHidden() and dialog.start_button.isVisible()
+    dialog.hide()
+
+
+def test_components_suit_the_shapes_unless_the_user_chooses(app, window, tmp_path):
+    from deformer_app.viewer.training_advice import comment, suggested_components
+
+    assert [suggested_components(n) for n in (2, 12, 200)] == [4, 24, 50]
+    assert comment(24, 12) == "" and "24" in comment(50, 12)
+    deformer.save_shapes(tmp_path / "shapes.npz", sequence(3))
+    dialog = window.train()
+    dialog.choose(tmp_path / "shapes.npz")
+    dialog.epochs.setValue(2)
+    dialog.start_button.click()
+    wait_for(lambda: dialog.ended and not window.editor.preparing, app.processEvents)
+    assert window.editor.model.components == 6
 
 
 def test_qt_gives_back_what_it_takes(app):
@@ -254,234 +319,53 @@ def test_qt_gives_back_what_it_takes(app):
     assert abs(sys.getrefcount(None) - before) < 100
 
 
-def test_random_events_leave_a_consistent_session(app, model_path):
-    path = ROOT / "benchmarks" / "viewer_soak.py"
-    spec = importlib.util.spec_from_file_location("viewer_soak", path)
-    benchmark = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(benchmark)
-    failures, _ = benchmark.soak(str(model_path), 400, 3, lambda line: None)
-    assert not failures
+def test_about_tells_version_licences_and_the_model(app, window):
+    from importlib.metadata import version
+
+    from PySide6.QtWidgets import QLabel, QTextBrowser
+
+    from deformer_app.viewer.qt.about_dialog import AboutDialog
+
+    window.menus.items["about"].trigger()
+    dialog = window.findChild(AboutDialog)
+    assert dialog.isVisible()
+    assert any(version("deformer") in label.text() for label in dialog.findChildren(QLabel))
+    pages = [page.toPlainText() for page in dialog.findChildren(QTextBrowser)]
+    assert any("tube" in page and "components" in page for page in pages)
+    assert any("ISC License" in page for page in pages)
+    dialog.close()
 
 
-class Person:
-    """A program with a real mouse on it; what it did is read from its autosave."""
+def test_only_what_is_compiled_is_said_to_be_compiled(app, window, monkeypatch):
+    from types import SimpleNamespace
 
-    def __init__(self, display, folder, *arguments):
-        self.folder = folder
-        self.environment = {**os.environ, "DISPLAY": display, "DEFORMER_SETTINGS": str(folder)}
-        code = "from deformer_app.cli.main import main; main()"
-        command = [sys.executable, "-c", code, "edit", *map(str, arguments)]
-        self.program = subprocess.Popen(command, env=self.environment, stderr=subprocess.PIPE)
-        self.window = None  # the number of the editor's window, once it is ready
-
-    def xdotool(self, *words):
-        command = ["xdotool", *map(str, words)]
-        return subprocess.run(command, env=self.environment, capture_output=True, text=True).stdout
-
-    def windows(self, title):
-        """Numbers of the visible windows whose title has a regular expression in it."""
-        return self.xdotool("search", "--onlyvisible", "--name", title).split()
-
-    def wait(self, condition):
-        return wait_for(condition, self._alive, pause=0.05)
-
-    def _wait_a_little(self, condition):
-        """Wait for what another key may be needed for."""
-        end = time.monotonic() + 5.0
-        self.wait(lambda: condition() or time.monotonic() > end)
-
-    def _alive(self):
-        assert self.program.poll() is None, self.program.stderr.read().decode()
-
-    def drag(self, start, *ways, button=1):
-        self.xdotool("mousemove", *start, "mousedown", button)
-        for at in ways:
-            self.xdotool("mousemove", *at)
-            time.sleep(0.03)
-        self.xdotool("mouseup", button)
-
-    def key(self, name):
-        # There is no window manager, which would give the keys back after a dialog.
-        self.xdotool("windowfocus", "--sync", self.window, "key", name)
-
-    def be_ready(self):
-        """Wait until the program is prepared for drags, as its title says."""
-        self.window = self.wait(lambda: self.windows(" Deformer$"))[-1]
-
-    def write(self, key, title, file):
-        """Open a dialog by a key and type the name of a file that it writes.
-
-        Again where keys were lost: a dialog that has the focus may not take keys yet.
-        """
-
-        def has_focus():
-            return self.xdotool("getwindowfocus").split() == self.windows(title)
-
-        while not file.is_file():
-            if not self.windows(title):
-                self.key(key)
-            self._wait_a_little(has_focus)
-            if has_focus():  # else its letters would be keys of the window
-                self.xdotool("key", "ctrl+a")
-                self.xdotool("type", str(file))
-            if self.windows(title):  # or a question about a name of which letters were lost
-                self.xdotool("key", "Return")
-            self._wait_a_little(file.is_file)
-
-    def steps(self):
-        """Labels of the history up to the entry that is shown."""
-        with suppress(StopIteration, FileNotFoundError):  # none yet, or gone meanwhile
-            path = next(Path(self.folder).glob("autosave-*.json"))
-            data = json.loads(path.read_text())
-            return [entry["label"] for entry in data["entries"][: data["cursor"] + 1]]
-        return []
-
-    def end(self):
-        self.program.kill()
-        self.program.wait()
+    editor, strip = SimpleNamespace(preparing=True), window.notices.preparing
+    strip.follow(editor)
+    wait_for(lambda: not strip.isHidden(), app.processEvents)
+    assert "Compiling" not in strip.text
+    monkeypatch.setattr("deformer.compiling", lambda: True)
+    wait_for(lambda: "Compiling" in strip.text, app.processEvents)
+    editor.preparing = False
+    wait_for(strip.isHidden, app.processEvents)
 
 
-def test_a_person_pulls_undoes_and_finds_it_again_after_a_crash(display, model_path, tmp_path):
-    (tmp_path / "settings.json").write_text('{"tour_seen": true}')
-    person = Person(display, tmp_path, model_path)
-    try:
-        person.be_ready()
-        person.drag((650, 470), (655, 440), (660, 400), (665, 380))
-        person.wait(lambda: person.steps() == ["Start", "Place and drag"])
-        person.drag((665, 380), (660, 400), (655, 420))
-        person.wait(lambda: len(person.steps()) == 3)
-        assert person.steps()[-1] in {"Place and drag", "Drag"}
-        person.drag((330, 800), (380, 780), (420, 760))  # orbits: no step
-        person.key("ctrl+z")
-        person.wait(lambda: len(person.steps()) == 2)
-        person.key("ctrl+shift+z")
-        person.wait(lambda: len(person.steps()) == 3)
-    finally:
-        person.end()
-    (left,) = tmp_path.glob("autosave-*.json")
-    again = Person(display, tmp_path, model_path)
+def test_shift_and_the_wheel_over_a_pin_change_its_size_without_a_move(app, window):
+    from PySide6.QtCore import QPoint, QPointF, Qt
+    from PySide6.QtGui import QWheelEvent
 
-    def agreed():
-        """True once the question of the dialog is answered; Return is yes."""
-        for number in again.windows("^Deformer$"):
-            if number != again.window:
-                again.xdotool("key", "--window", number, "Return")
-        return not left.exists()
-
-    try:
-        again.wait(agreed)
-        again.wait(lambda: len(again.steps()) == 3)
-    finally:
-        again.end()
-
-
-def test_a_person_poses_the_shipped_figure_and_finds_it_as_it_was_left(display, tmp_path):
-    """From the first look to the next morning, by mouse and keys alone."""
-    settings, file = tmp_path / "settings", tmp_path / "figure.json"
-    settings.mkdir()
-    (settings / "settings.json").write_text('{"tour_seen": true}')
-    reference = deformer.load_model("humanoid").reference.vertices
-    person = Person(display, settings)
-
-    def saved():
-        """The session as it is now: keys come after all that was done before them."""
-        file.unlink(missing_ok=True)
-        person.key("ctrl+s")
-        person.wait(file.is_file)
-        return Session.load(file)
-
-    def exported(person, name):
-        path = tmp_path / name
-        person.write("ctrl+e", "Export pose", path)
-        return deformer.load_mesh(path).vertices
-
-    try:
-        # Three handles: a hand, and both feet pinned.
-        person.be_ready()
-        person.drag(HAND)
-        person.wait(person.steps)
-        for foot in FEET:
-            count = len(person.steps())
-            person.drag(foot)
-            person.wait(lambda count=count: len(person.steps()) == count + 1)
-            person.key("p")
-            person.wait(lambda count=count: len(person.steps()) == count + 2)
-        person.write("ctrl+shift+s", "Save session", file)
-        found = {h.kind: reference[h.vertices[0]] for h in saved().edit.handles}
-        assert len(saved().edit.handles) == 3
-        assert found["pin"][2] < 0.15 < 0.6 < found["soft"][2], "feet are low, the hand is not"
-
-        # An arm up: back to the side, forth again.
-        before, steps = saved(), len(saved().entries)
-        person.drag(HAND, *((HAND[0] + 2 * n, HAND[1] - 12 * n) for n in range(1, 11)))
-        person.wait(lambda: len(saved().entries) == steps + 1)
-        raised = saved()
-        soft = [next(h for h in s.edit.handles if h.kind == "soft") for s in (before, raised)]
-        assert soft[1].targets[0][2] > soft[0].targets[0][2] + 0.2
-        person.key("ctrl+z")
-        person.wait(lambda: saved().edit == before.edit)
-        person.key("ctrl+shift+z")
-        person.wait(lambda: saved().edit == raised.edit)
-
-        # The hand turned in its place, by the top of a ring: back, forth, and free again.
-        hand = soft[1].id
-        top = (HAND[0] + 20, HAND[1] - 120 - 83)
-        person.key("2")
-        person.drag(top, *((top[0] + 6 * n, top[1]) for n in range(1, 8)))
-        person.wait(lambda: saved().entry.label == "Rotate")
-        assert saved().edit.handle(hand).orientation is not None
-        assert saved().edit.handle(hand).targets == soft[1].targets
-        person.key("ctrl+z")
-        person.wait(lambda: saved().edit == raised.edit)
-        person.key("ctrl+shift+z")
-        person.wait(lambda: saved().entry.label == "Rotate")
-        person.key("t")
-        person.wait(lambda: saved().entry.label == "Turn freely")
-        freed = saved()
-        assert freed.edit == raised.edit
-        person.key("1")
-
-        # The first component's slider, dragged to the right.
-        person.drag((1190, 473), (1210, 473), (1230, 473))
-        person.wait(lambda: saved().entry.label.startswith("Component"))
-        assert saved().edit.base != raised.edit.base
-        person.wait(lambda: saved().entry.solution is not None)
-        left = exported(person, "evening.ply")
-        person.key("ctrl+q")  # nothing is lost, so nothing is asked
-        wait_for(lambda: person.program.poll() is not None or person.windows("^Deformer$"))
-        assert person.program.wait() == 0
-    finally:
-        person.end()
-    model = deformer.load_model("humanoid")
-    diagonal = model.reference.bounding_diagonal
-    assert np.abs(replay(Session.load(file), model).vertices - left).max() < 1e-6 * diagonal
-    person = Person(display, settings, "--session", file)
-    try:
-        person.be_ready()
-        found = exported(person, "morning.ply")
-        assert np.abs(found - left).max() < 1e-6 * diagonal
-        assert np.abs(found - reference).max() > 0.2
-        person.key("ctrl+z")
-        person.wait(lambda: person.steps()[-1:] == [freed.entry.label])
-    finally:
-        person.end()
-
-
-def test_the_plain_window_pulls_and_saves(display, model_path, tmp_path):
-    """The same view and controller in a window of pyvista alone."""
-    file = tmp_path / "plain.json"
-    shapes = small_model()
-    work = Session.begin(ModelName(str(model_path), shapes.fingerprint), shapes.codes[0])
-    work.save(file)
-    person = Person(display, tmp_path, "--plain", "--session", file)
-
-    try:
-        person.be_ready()
-        person.drag((550, 425), (555, 400), (560, 380), (565, 360))
-        file.unlink()
-        person.key("ctrl+s")
-        person.wait(file.is_file)
-        labels = [entry.label for entry in Session.load(file).entries]
-        assert labels == ["Start", "Place and drag"]
-    finally:
-        person.end()
+    editor = window.editor
+    place(window, 100)
+    editor.handles.set_kind("pin")
+    rest(app, window)
+    (before,) = editor.edit.handles
+    at = editor.stage.camera.project(editor.vertices[[100]], editor.stage.size)[0]
+    point = QPointF(*at[:2])
+    assert editor.pins.at(editor.stage.vertex_at(at[:2]), editor.stage.handle_at(at[:2]))
+    for keys in (Qt.KeyboardModifier.ShiftModifier, Qt.KeyboardModifier.NoModifier):
+        turned = QWheelEvent(point, window.plotter.mapToGlobal(point), QPoint(0, 0), QPoint(0, 120),
+                             Qt.MouseButton.NoButton, keys, Qt.ScrollPhase.NoScrollPhase,
+                             False)  # fmt: skip
+        app.sendEvent(window.plotter, turned)
+        (after,) = editor.edit.handles
+        assert after.radius > before.radius  # and the wheel alone zooms
+    assert editor.session.entry.label == "Resize pin"

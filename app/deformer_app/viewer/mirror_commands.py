@@ -1,0 +1,133 @@
+"""Commands of an editor that mirror handles and poses, once or while they are changed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+from deformer import DeformationModel
+from deformer_app.viewer import handle_changes
+from deformer_app.viewer.changes import WaitBegun, WaitEnded
+from deformer_app.viewer.edit import Edit, Handle
+from deformer_app.viewer.live_mirror import LiveMirror
+from deformer_app.viewer.mirror_plane import MirrorPlane
+from deformer_app.viewer.model_files import of_open_model
+from deformer_app.viewer.worker import in_background
+
+if TYPE_CHECKING:
+    from deformer_app.viewer.editor import Editor
+
+_NOTHING = "Nothing to mirror: place a handle beside the plane of symmetry first"
+# Share of the body's size by which a pose is off its mirror image from which it is not symmetric.
+_ASYMMETRIC = 0.01
+
+
+class MirrorCommands:
+    """Mirrors the handles of an editor's state about the mirror plane of its model.
+
+    Args:
+        editor: has the state and its history.
+    """
+
+    def __init__(self, editor: Editor) -> None:
+        """Start without a model."""
+        self._editor = editor
+        self._live: LiveMirror | None = None
+        self._waiting: list[Callable[[], Any]] = []  # for the plane
+
+    def begin(self, model: DeformationModel | None) -> None:
+        """Begin with another model, or without one; the live mirror is off."""
+        self._live = None if model is None else LiveMirror(MirrorPlane(model))
+        self._waiting = []
+
+    @property
+    def plane(self) -> MirrorPlane:
+        """The plane across which handles are mirrored."""
+        return self.live.plane
+
+    @property
+    def live(self) -> LiveMirror:
+        """Completes changes by those of the other side, while it is on."""
+        return of_open_model(self._live)
+
+    @property
+    def is_live(self) -> bool:
+        """True while both sides are posed at once."""
+        return self._live is not None and self._live.on
+
+    def with_plane(self, run: Callable[[], Any]) -> None:
+        """Run a function that needs the plane: at once, or when a background job has found it."""
+        if self.plane.is_known:
+            run()
+        elif run not in self._waiting:
+            self._waiting.append(run)
+            if len(self._waiting) == 1:
+                self._editor.run(self._search(self.plane, self._waiting))
+
+    def _search(self, plane: MirrorPlane, waiting: list[Callable[[], Any]]) -> Iterator[None]:
+        editor = self._editor
+        editor.announce(WaitBegun("Looking for the plane between the body's two sides …"))
+        try:
+            yield from in_background(lambda: plane.symmetry)
+        finally:
+            commands, waiting[:] = list(waiting), []
+            editor.announce(WaitEnded())
+        if self._live is not None and self.plane is plane:
+            for run in commands:
+                run()
+
+    def switch_live(self) -> None:
+        """Switch the live mirror on or off; say why, if it cannot be on."""
+        if self.is_live:
+            self._switch_live()
+        else:
+            self.with_plane(self._switch_live)
+
+    def _switch_live(self) -> None:
+        editor = self._editor
+        note = self.live.switch()
+        if note is None and not self.is_live:
+            note = "Each side is posed alone"
+        elif note is None:
+            note = "Both sides are posed at once; Shift+M ends it"
+            if self.plane.asymmetry(editor.vertices) > _ASYMMETRIC:
+                note += ". The pose is not symmetric: moves are mirrored relative to it"
+        editor.note(note)
+        editor.state.invalidate()
+
+    def completed(self, edit: Edit, before: Edit | None = None, lead: Handle | None = None) -> Edit:
+        """Return a changed state, on both sides while the live mirror is on.
+
+        Args:
+            edit: the changed state.
+            before: the state before; None is the present one.
+            lead: see `LiveMirror.completed`.
+        """
+        editor = self._editor
+        return self.live.completed(before or editor.edit, edit, editor.handles.on_surface, lead)
+
+    def mirror_handles(self) -> None:
+        """Copy the selected handles, or all, to the other side; handles there move."""
+        if self._editor.edit.handles:
+            self.with_plane(self._mirror_handles)
+        else:
+            self._editor.note(_NOTHING)
+
+    def _mirror_handles(self) -> None:
+        editor = self._editor
+        sources = editor.state.selection(editor.edit.handles) or editor.edit.handles
+        number = editor.session.next_id()
+        changed = handle_changes.mirrored(editor.edit, sources, self.plane.symmetry, number)
+        if changed:
+            editor.change("Mirror", editor.edit.with_handles(changed), both_sides=False)
+            editor.handles.select([h.id for h in changed], add=True)
+        else:
+            editor.note(_NOTHING)
+
+    def mirror_pose(self) -> None:
+        """Mirror the whole pose: all handles, and the code to start from, change their sides."""
+        self.with_plane(self._mirror_pose)
+
+    def _mirror_pose(self) -> None:
+        image = handle_changes.mirrored_edit(self._editor.edit, self.plane)
+        self._editor.change("Mirror the pose", image, both_sides=False)

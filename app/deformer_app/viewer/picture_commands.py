@@ -1,0 +1,71 @@
+"""Commands on an editor's picture: framing, looks, the mesh to compare with, previews."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from deformer_app.viewer import handle_changes
+from deformer_app.viewer.colouring import component_paint
+from deformer_app.viewer.target import Target
+
+if TYPE_CHECKING:
+    from deformer_app.viewer.editor import Editor
+
+_AROUND = 0.06  # bounding diagonals around a handle that are framed with it
+
+
+class PictureCommands:
+    """Changes how an editor's pose is seen: no steps of the history.
+
+    Args:
+        editor: has the pose and the picture's state.
+    """
+
+    def __init__(self, editor: Editor) -> None:
+        """Store the editor."""
+        self._editor = editor
+
+    def frame(self, azimuth: float = 25.0, elevation: float = 8.0) -> None:
+        """Aim the camera at the whole shape from a direction in degrees; see `aim`."""
+        self._editor.state.viewpoint.frame(self._editor.vertices, azimuth, elevation)
+
+    def frame_selected(self) -> None:
+        """Frame the selected handles and what is around them, or all; the direction stays."""
+        editor = self._editor
+        chosen = editor.state.selection(editor.edit.handles)
+        reach = _AROUND * editor.model.reference.bounding_diagonal
+        near = handle_changes.surroundings(chosen, editor.vertices, reach)
+        editor.state.viewpoint.frame_on(near if len(near) else editor.vertices)
+
+    def frame_all(self) -> None:
+        """Frame the whole shape from the present direction."""
+        self._editor.state.viewpoint.frame_on(self._editor.vertices)
+
+    def change_look(self, **changes: Any) -> None:
+        """Change how the picture is drawn; see `Look`."""
+        state = self._editor.state
+        before = state.look.colour
+        state.change_look(**changes)
+        if state.look.colour != before:
+            self._editor.ask_for_colours()
+
+    def load_target(self, path: str | Path) -> None:
+        """Compare with a mesh of the same connectivity.
+
+        Raises:
+            InputError: the mesh has another number of vertices.
+        """
+        self._editor.state.target = Target.load(path, self._editor.model.reference)
+        self.change_look(ghost="target", colour="error")
+
+    def preview(self, component: int | None) -> None:
+        """Colour the surface by the support of a component, or as before."""
+        editor = self._editor
+        if editor.activations is None:
+            return
+        if component is None:
+            editor.state.preview_paint(None)
+        else:
+            label = editor.model.label(component)
+            editor.state.preview_paint(component_paint(editor.activations, component, label))

@@ -1,0 +1,100 @@
+"""Pins: patches of the surface that keep their place and orientation, whatever is dragged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from deformer_app.viewer.edit import Edit, Handle
+from deformer_app.viewer.handle_changes import gaps_of, with_disc, with_kind
+
+if TYPE_CHECKING:
+    from deformer_app.viewer.editor import Editor
+
+_SMALLEST, _LARGEST = 0.01, 0.3  # radii, in bounding diagonals
+_STEP = 1.2  # factor on the radius of a step of size
+
+
+class Pins:
+    """Makes pins and changes their size.
+
+    Args:
+        editor: has the handles.
+
+    Attributes:
+        radius: of the next pin, geodesic, in bounding diagonals: that of the last one.
+    """
+
+    def __init__(self, editor: Editor) -> None:
+        """Start with pins of a middling size."""
+        self.radius = 0.05
+        self._editor = editor
+        self._resized: tuple[list[int], Edit] | None = None
+
+    def pinned(self, handles: Sequence[Handle]) -> list[Handle]:
+        """Return handles as pins where the surface is now; single vertices get a patch."""
+        editor = self._editor
+        found = with_kind(handles, "pin", editor.vertices)
+        return [
+            h if h.is_region and not h.radius else self._with_disc(h, h.radius or self.radius)
+            for h in found
+        ]
+
+    def _with_disc(self, pin: Handle, radius: float) -> Handle:
+        """Return a pin with another disc.
+
+        Its centre alone pulls the prior, as strongly as before: shared by the disc, the pull would
+        move the pose.
+        """
+        editor = self._editor
+        pull = gaps_of(pin) - gaps_of(editor.handles.on_surface(pin))
+        disc = editor.handles.on_surface(with_disc(pin, radius, editor.model))
+        gaps = gaps_of(disc)
+        gaps[0] += pull.sum(axis=0)
+        return disc.at(disc.targets, gaps)
+
+    def pin_here(self) -> None:
+        """Pin what is under the mouse, a handle or the surface; elsewhere, what is selected."""
+        editor, found = self._editor, self._editor.state.hovered
+        if found.handle is not None and found.handle not in editor.handles.selected:
+            editor.handles.select([found.handle])
+        elif found.vertex is not None and found.handle is None:
+            editor.handles.place(found.vertex)
+        editor.handles.set_kind("pin")
+
+    def resize(self, steps: float, handles: Sequence[Handle] | None = None) -> bool:
+        """Make pins larger or smaller, as a step of the history for several in a row.
+
+        Args:
+            steps: number of steps; negative for smaller.
+            handles: None is the selected ones.
+
+        Returns:
+            False if none of them is a pin with a size.
+        """
+        editor = self._editor
+        chosen = editor.state.selection(editor.edit.handles) if handles is None else handles
+        pins = [handle for handle in chosen if handle.radius]
+        if not pins:
+            return False
+        self.radius = min(max(pins[0].radius * _STEP**steps, _SMALLEST), _LARGEST)
+        changed = [self._with_disc(h, self.radius) for h in pins]
+        ids = [handle.id for handle in pins]
+        if self._resized == (ids, editor.edit) and editor.session.can_undo:
+            editor.session.undo()
+        editor.change("Resize pin", editor.edit.with_handles(changed))
+        self._resized = ids, editor.edit
+        return True
+
+    def resize_selected(self, steps: float) -> None:
+        """Change the size of the selected pins, or tell how to get one."""
+        if not self.resize(steps):
+            self._editor.note("Select a pin first: P pins the surface under the mouse")
+
+    def at(self, vertex: int | None, handle: int | None) -> list[Handle]:
+        """Return the pin of a handle's id, or those whose patch has a vertex."""
+        return [
+            h
+            for h in self._editor.edit.handles
+            if h.radius and (h.id == handle or vertex in h.patch)
+        ]

@@ -1,0 +1,106 @@
+"""Commands on an editor's prior: the code to start from, its components, noise and body."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deformer_app.viewer.edit import Body, Solution
+from deformer_app.viewer.handle_changes import carried
+from deformer_app.viewer.model_files import start_codes
+from deformer_app.viewer.target import load_alike
+from deformer_app.viewer.worker import in_background
+
+if TYPE_CHECKING:
+    from deformer_app.viewer.editor import Editor
+
+
+class PriorCommands:
+    """Changes the prior of an editor's state.
+
+    Args:
+        editor: has the state and its history.
+    """
+
+    def __init__(self, editor: Editor) -> None:
+        """Store the editor."""
+        self._editor = editor
+        self._code_before_slide = np.zeros(0)
+
+    def start_from(self, name: str, code: ArrayLike) -> None:
+        """Make a latent code (K,) the prior's mean; see `start_at`."""
+        self.start_at(f"Start from {name}", code)
+
+    def start_at(self, label: str, code: ArrayLike) -> None:
+        """Show the shape of a latent code (K,), the prior's mean from now on, as a step.
+
+        Handles go along to their places on the shape, so that none of them pulls; while the
+        timeline keys by itself, the step is their key at the playhead.
+
+        Args:
+            label: of the step.
+            code: the code.
+        """
+        editor, base = self._editor, tuple(float(value) for value in np.asarray(code))
+        handles = carried(editor.edit.handles, editor.model, editor.model.decode(base))
+        editor.change(
+            label,
+            replace(editor.edit, base=base, handles=tuple(handles)),
+            both_sides=False,
+            solution=Solution.of_code(base),
+        )
+
+    def start_from_mesh(self, path: str | Path) -> None:
+        """Start from the code whose shape is closest to a mesh; a background job finds it.
+
+        Raises:
+            InputError: the mesh has another number of vertices.
+        """
+        editor, model = self._editor, self._editor.model
+        mesh = load_alike(path, model.reference)
+
+        def fit() -> Iterator[None]:
+            editor.note(f"Looking for the code of {path} …")
+            code = yield from in_background(lambda: model.fit(mesh.vertices))
+            if editor.is_open and editor.model is model:
+                self.start_from(Path(path).name, code)
+
+        editor.run(fit())
+
+    def reset(self) -> None:
+        """Go back to the reference, with no handles."""
+        editor = self._editor
+        code = start_codes(editor.model)["Reference"]
+        base = tuple(float(value) for value in code)
+        editor.change("Start from reference", replace(editor.edit, base=base, handles=()))
+
+    def use_as_base(self) -> None:
+        """Make the shown pose the prior's mean; handles are unchanged."""
+        editor, answer = self._editor, self._editor.answer
+        if answer is not None:
+            editor.change("Start from this pose", replace(editor.edit, base=answer.solution.z))
+
+    def slide(self, component: int, value: float) -> None:
+        """Set a component of the prior's mean until `commit`; not during a drag."""
+        editor = self._editor
+        if editor.dragging:
+            return
+        if editor.before_drag is None:
+            self._code_before_slide = editor.code
+        start = editor.begin_drag()
+        base = list(start.base)
+        base[component] += value - float(self._code_before_slide[component])
+        editor.show_edit(replace(start, base=tuple(base)))
+
+    def set_noise(self, noise: float) -> None:
+        """Set the expected distance of handles from their targets until `commit`."""
+        self._editor.show_edit(replace(self._editor.edit, noise=noise))
+
+    def set_body(self, body: Body) -> None:
+        """Set whether the body may turn and travel as a whole."""
+        self._editor.change("Body " + body, replace(self._editor.edit, body=body))

@@ -1,0 +1,69 @@
+"""Fields and buttons give the keyboard back to the picture once they have been used."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QEvent, QObject, Qt, QTimer
+from PySide6.QtGui import QKeyEvent
+from PySide6.QtWidgets import (
+    QAbstractButton,
+    QAbstractItemView,
+    QAbstractSpinBox,
+    QApplication,
+    QLineEdit,
+    QMainWindow,
+    QWidget,
+)
+from shiboken6 import isValid
+
+_LEAVE = (Qt.Key.Key_Return, Qt.Key.Key_Enter, Qt.Key.Key_Escape)
+
+
+class FieldFocus(QObject):
+    """Moves the focus to the picture from a field after Enter or Esc, from a button after a click.
+
+    Letters, digits and the space bar are keys of actions again then. Fields of dialogs and the
+    editors of lists keep their own ways; a button that Tab has led to keeps the space bar.
+
+    Args:
+        window: fields and buttons of its own are watched, not those of its dialogs.
+        picture: gets the focus.
+    """
+
+    def __init__(self, window: QMainWindow, picture: QWidget) -> None:
+        """Watch the application's events as long as the window lives."""
+        super().__init__(window)
+        self._window, self._picture = window, picture
+        application = QApplication.instance()
+        assert application is not None
+        application.installEventFilter(self)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Let the field have the key's release only after the focus has gone."""
+        if (
+            event.type() == QEvent.Type.KeyRelease
+            and isinstance(event, QKeyEvent)
+            and event.key() in _LEAVE
+            and not event.isAutoRepeat()
+            and isinstance(watched, (QAbstractSpinBox, QLineEdit))
+            and self._is_ours(watched)
+        ):
+            self._picture.setFocus()
+        if (
+            event.type() == QEvent.Type.MouseButtonRelease
+            and isinstance(watched, QAbstractButton)
+            and watched.window() is self._window
+        ):
+            # Afterwards: a button that loses the focus while it is down is not clicked.
+            QTimer.singleShot(0, lambda: self._leave(watched))
+        return False
+
+    def _leave(self, button: QAbstractButton) -> None:
+        """Take the focus from a button that has been clicked, or from where hiding has moved it."""
+        gone = not isValid(button) or not button.isVisible()
+        if gone or isinstance(self._window.focusWidget(), QAbstractButton):
+            self._picture.setFocus()
+
+    def _is_ours(self, field: QWidget) -> bool:
+        above = field.parentWidget()
+        in_list = above is not None and isinstance(above.parentWidget(), QAbstractItemView)
+        return field.window() is self._window and not in_list

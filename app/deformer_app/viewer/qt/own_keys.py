@@ -1,0 +1,56 @@
+"""Keys that the widget with the focus needs itself, although an action or a dialog has them too."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QEvent, QObject, Qt
+from PySide6.QtGui import QKeyEvent
+from PySide6.QtWidgets import (
+    QAbstractButton,
+    QAbstractItemView,
+    QAbstractSlider,
+    QApplication,
+    QPushButton,
+    QToolButton,
+)
+
+_ARROWS = {Qt.Key.Key_Left, Qt.Key.Key_Right}
+_SPACE = {Qt.Key.Key_Space}
+_RETURN = {Qt.Key.Key_Return, Qt.Key.Key_Enter}
+_PLAIN = (Qt.KeyboardModifier.NoModifier, Qt.KeyboardModifier.KeypadModifier)
+_KEYS: tuple[tuple[type, set[Qt.Key]], ...] = (
+    (QAbstractSlider, _ARROWS),
+    (QAbstractItemView, _ARROWS | _SPACE),
+    (QAbstractButton, _SPACE),
+)
+
+
+class OwnKeys(QObject):
+    """Lets sliders and lists keep the arrows, buttons and lists the space bar, buttons Return.
+
+    Qt asks the widget with the focus before it runs an action's shortcut; these widgets would not
+    claim keys that they use. Return would press a dialog's default button only, if it has one.
+    """
+
+    def __init__(self, parent: QObject) -> None:
+        """Watch the application's events as long as the parent lives."""
+        super().__init__(parent)
+        application = QApplication.instance()
+        assert application is not None
+        application.installEventFilter(self)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Claim a key for the widget that uses it, and press a button by Return."""
+        if not isinstance(event, QKeyEvent) or event.modifiers() not in _PLAIN:
+            return False
+        if event.type() == QEvent.Type.ShortcutOverride:
+            for kind, keys in _KEYS:
+                if isinstance(watched, kind) and event.key() in keys:
+                    event.accept()
+                    return True
+            return False
+        pressed = event.type() == QEvent.Type.KeyPress and event.key() in _RETURN
+        if pressed and isinstance(watched, (QPushButton, QToolButton)):
+            if not event.isAutoRepeat():
+                watched.click()
+            return True
+        return False

@@ -1,0 +1,67 @@
+"""A line of text with buttons, upon the picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import (
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QProgressBar,
+    QPushButton,
+    QToolButton,
+)
+
+from deformer_app.viewer.qt.icons import put_icon
+
+
+class Strip(QFrame):
+    """A line of text with buttons, hidden at first.
+
+    Args:
+        kind: names its colour, see `NOTICE`.
+        buttons: title of each button, and what it does.
+    """
+
+    def __init__(self, kind: str, *buttons: tuple[str, Callable[[], Any]]) -> None:
+        """Lay out."""
+        super().__init__()
+        self.setProperty("notice", kind)
+        self._label = QLabel()
+        self._label.setWordWrap(True)
+        self._label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.row = QHBoxLayout(self)
+        self.row.setContentsMargins(12, 7, 8, 7)
+        self.row.addWidget(self._label, 1)
+        for title, run in buttons:
+            button = QPushButton(title)
+            button.clicked.connect(lambda _, f=run: f())
+            self.row.addWidget(button)
+        self.hide()
+
+    @property
+    def text(self) -> str:
+        """The text of the line."""
+        return self._label.text()
+
+    def say(self, text: str) -> None:
+        """Change the text of the line."""
+        self._label.setText(text)
+
+    def add_closing_mark(self, close: Callable[[], Any]) -> None:
+        """Add a small cross at the right."""
+        mark = QToolButton()
+        put_icon(mark, "x")
+        mark.setToolTip("Close  Esc")
+        mark.clicked.connect(lambda _: close())
+        self.row.addWidget(mark)
+
+    def add_moving_bar(self) -> None:
+        """Add a bar at the right that moves as long as the strip is shown."""
+        bar = QProgressBar()
+        bar.setRange(0, 0)
+        bar.setFixedSize(120, 6)
+        self.row.addWidget(bar)

@@ -1,0 +1,145 @@
+"""Mouse and keys in the Qt window: what Qt, X and a person do between press and release."""
+
+import numpy as np
+import pytest
+
+from deformer_app.viewer.actions import ACTIONS
+from off_screen_editor import seen
+from person import rest
+from waiting import wait_for
+
+pytestmark = pytest.mark.window
+pytest.importorskip("PySide6", reason='needs Qt: pip install "deformer[app]"')
+pytest.importorskip("pyvistaqt", reason='needs pyvistaqt: pip install "deformer[app]"')
+
+
+def middle(window):
+    """A pixel of the picture where the middle of the tube is seen."""
+    return np.floor(seen(window.editor, 0.5)[1]).astype(int)
+
+
+def labels(window):
+    return [entry.label for entry in window.editor.session.entries]
+
+
+def test_a_person_turns_the_view_during_a_drag_and_releases_in_any_order(app, window, hand):
+    rest(app, window)
+    editor, at = window.editor, middle(window)
+    hand(at, "mousedown", "1", np.add(at, (10, -10)), np.add(at, (20, -20)))
+    wait_for(lambda: editor.edit.handles, app.processEvents)
+    camera = editor.state.camera
+    hand("mousedown", "3", np.add(at, (40, -10)), np.add(at, (60, 0)))
+    wait_for(lambda: editor.state.camera != camera, app.processEvents)
+    hand("click", "4")
+    hand("mouseup", "1")
+    wait_for(lambda: labels(window) == ["Start", "Place and drag"], app.processEvents)
+    target = editor.edit.handles[0].centre
+    hand(np.add(at, (80, 10)), "mouseup", "3", np.add(at, (100, 40)))
+    wait_for(lambda: not editor.dragging, app.processEvents)
+    rest(app, window)
+    assert editor.edit.handles[0].centre == target and len(labels(window)) == 2
+
+
+def test_a_release_in_another_window_ends_the_drag(app, window, hand):
+    """A dialog that opens during a drag gets the release; the next move tells of it."""
+    from PySide6.QtWidgets import QMessageBox
+
+    rest(app, window)
+    editor, at = window.editor, middle(window)
+    hand(at, "mousedown", "1", np.add(at, (15, -15)), np.add(at, (30, -25)))
+    wait_for(lambda: editor.edit.handles, app.processEvents)
+    dialog = QMessageBox(window)
+    dialog.open()
+    wait_for(dialog.isVisible, app.processEvents)
+    hand("mouseup", "1")
+    dialog.close()
+    target = editor.edit.handles[0].centre
+    hand(np.add(at, (60, 30)), np.add(at, (64, 34)))
+    wait_for(lambda: not editor.dragging, app.processEvents)
+    rest(app, window)
+    assert labels(window) == ["Start", "Place and drag"]
+    assert editor.edit.handles[0].centre == target
+
+
+def test_a_person_types_a_distance_and_the_keys_do_nothing_else(app, window, hand):
+    rest(app, window)
+    editor, at = window.editor, middle(window)
+    hand(at, "click", "1")
+    wait_for(lambda: editor.edit.handles, app.processEvents)
+    rest(app, window)
+    gizmo, camera, size = editor.stage.gizmo, editor.state.camera, editor.stage.size
+    tip = np.floor(camera.project(gizmo.outline("y", camera, size), size)[-1]).astype(int)
+    before = editor.edit.handles[0].centre
+    hand(tip, "mousedown", "1", np.add(tip, (0, -12)), np.add(tip, (0, -20)))
+    wait_for(lambda: editor.controller.takes_numbers, app.processEvents)
+    hand("key", "4", "key", "BackSpace", "key", "minus", "key", "period", "key", "5")
+    goal = np.add(before, (0.0, -0.5, 0.0))
+    wait_for(lambda: np.allclose(editor.edit.handles[0].centre, goal), app.processEvents)
+    hand("key", "Return")
+    wait_for(lambda: not editor.dragging, app.processEvents)
+    hand(np.add(tip, (0, 30)), "mouseup", "1")
+    rest(app, window)
+    assert labels(window) == ["Start", "Place handle", "Move"]
+    np.testing.assert_allclose(editor.edit.handles[0].centre, goal, atol=1e-12)
+    assert editor.state.manipulator.axes == "world", "4 and 5 would have changed them"
+    hand("key", "5")
+    wait_for(lambda: editor.state.manipulator.axes == "surface", app.processEvents)
+
+
+def test_buttons_end_their_own_drags_whatever_qt_reports_last(app, window):
+    from PySide6.QtCore import QPoint, Qt
+    from PySide6.QtTest import QTest
+
+    rest(app, window)
+    at, left, right = middle(window), Qt.MouseButton.LeftButton, Qt.MouseButton.RightButton
+
+    def send(what, button, offset):
+        pixel = QPoint(*(int(c) for c in np.add(at, offset)))
+        what(window.plotter, button, Qt.KeyboardModifier.NoModifier, pixel)
+
+    send(QTest.mousePress, left, (0, 0))
+    send(QTest.mousePress, right, (0, 0))
+    send(QTest.mouseRelease, left, (0, 0))
+    send(QTest.mouseRelease, right, (0, 0))
+    assert not window.editor.dragging and labels(window) == ["Start", "Place handle"]
+
+
+def test_only_keys_of_the_actions_do_anything(app, window):
+    """Every key of a keyboard, alone, with Shift and with Ctrl, over the picture."""
+    from PySide6.QtCore import Qt
+    from PySide6.QtGui import QKeySequence
+    from PySide6.QtTest import QTest
+
+    rest(app, window)
+    window.editor.handles.place(60)
+    window.editor.commit("Place handle")
+    rest(app, window)
+    known = {QKeySequence(action.key).toString() for action in ACTIONS if action.key}
+    # Other keys of other menus; and those that Qt itself moves the focus with.
+    leave = {Qt.Key.Key_Escape, Qt.Key.Key_Tab, Qt.Key.Key_Backtab, Qt.Key.Key_Alt,
+             Qt.Key.Key_Menu, Qt.Key.Key_F10}  # fmt: skip
+    keys = [Qt.Key(code) for code in (*range(0x20, 0x7F), *range(0x01000000, 0x01000040))
+            if code in Qt.Key._value2member_map_]  # fmt: skip
+    none, plotter = Qt.KeyboardModifier.NoModifier, window.plotter
+    modifiers = (none, Qt.KeyboardModifier.ShiftModifier, Qt.KeyboardModifier.ControlModifier)
+
+    def state():
+        editor, lens = window.editor, plotter.renderer.GetActiveCamera()
+        look = editor.state.view.surface.actor.GetProperty()
+        return (
+            editor.edit, editor.handles.selected, editor.state.look, editor.state.camera,
+            editor.state.tool, editor.state.manipulator.mode, editor.state.manipulator.axes,
+            editor.stage.brush.radius, labels(window), window.isVisible(), plotter.isVisible(),
+            lens.GetPosition(), lens.GetFocalPoint(), lens.GetViewUp(), lens.GetViewAngle(),
+            look.GetRepresentation(), look.GetPointSize(), look.GetLineWidth(),
+        )  # fmt: skip
+
+    before, pressed = state(), 0
+    for key in keys:
+        for modifier in modifiers:
+            if key in leave or QKeySequence(modifier.value | key.value).toString() in known:
+                continue
+            QTest.keyClick(plotter, key, modifier)
+            pressed += 1
+            assert state() == before, f"{key.name} with {modifier}"
+    assert pressed > 150

@@ -1,0 +1,192 @@
+"""The dock of poses on a virtual display."""
+
+import numpy as np
+import pytest
+
+import deformer
+from deformer_app.viewer.pose_commands import save_pose
+from person import place, rest
+from waiting import wait_for
+
+pytestmark = pytest.mark.window
+pytest.importorskip("PySide6", reason='needs Qt: pip install "deformer[app]"')
+pytest.importorskip("pyvistaqt", reason='needs pyvistaqt: pip install "deformer[app]"')
+
+
+@pytest.fixture
+def strip(app, window):
+    from deformer_app.viewer.qt.pose_strip import PoseStrip
+
+    rest(app, window)
+    panel = window.docks.panel(PoseStrip)
+    panel.parentWidget().raise_()  # before the timeline, which has the same place
+    wait_for(lambda: not panel.examples.visibleRegion().isEmpty(), app.processEvents)
+    rest(app, window)
+    return panel
+
+
+def names(shown):
+    return [shown.item(row).text() for row in range(shown.count())]
+
+
+def click(shown, row, double=False):
+    from PySide6.QtCore import Qt
+    from PySide6.QtTest import QTest
+
+    at = shown.visualItemRect(shown.item(row)).center()
+    QTest.mouseClick(shown.viewport(), Qt.MouseButton.LeftButton, pos=at)
+    if double:
+        QTest.mouseDClick(shown.viewport(), Qt.MouseButton.LeftButton, pos=at)
+
+
+def test_examples_have_pictures_and_a_double_click_starts_from_one(app, window, strip):
+    from deformer_app.viewer.shape_thumbnails import Subject
+
+    found = names(strip.examples)
+    assert found[:2] == ["Reference", "Mean"] and "Shape 3" in found
+    first, other = (strip.examples.poses[n].code for n in (0, 3))
+    pictures = [
+        wait_for(lambda c=c: window.thumbnails.pictures(Subject((c,))), app.processEvents)[0]
+        for c in (first, other)
+    ]
+    assert (pictures[0] != pictures[1]).any()
+    rest(app, window)
+    row = found.index("Shape 3")
+    click(strip.examples, row)
+    rest(app, window)
+    assert window.editor.session.entry.label == "Start", "a click selects"
+    click(strip.examples, row, double=True)
+    rest(app, window)
+    assert window.editor.session.entry.label == "Start from Shape 3"
+    np.testing.assert_allclose(window.editor.code, strip.examples.poses[row].code)
+    window.menus.items["undo"].trigger()
+    rest(app, window)
+    np.testing.assert_allclose(window.editor.code, first)
+
+
+def test_a_pose_is_saved_renamed_deleted_and_brought_back_by_keys(app, window, strip):
+    from PySide6.QtCore import Qt
+    from PySide6.QtTest import QTest
+
+    place(window, 100)
+    rest(app, window)
+    window.menus.items["save-pose"].trigger()
+    strip.save.click()
+    rest(app, window)
+    shelf = window.editor.session.shelf
+    assert names(strip.saved) == ["Pose 1", "Pose 2"]
+    click(strip.saved, 0)
+    QTest.keyClick(strip.saved, Qt.Key.Key_F2)
+    from PySide6.QtWidgets import QLineEdit
+
+    field = strip.saved.viewport().findChild(QLineEdit)
+    QTest.keyClicks(field, "reach")
+    QTest.keyClick(field, Qt.Key.Key_Return)
+    wait_for(lambda: shelf.poses[0].name == "reach", app.processEvents)
+    rest(app, window)
+    wait_for(lambda: names(strip.saved) == ["reach", "Pose 2"], app.processEvents)
+    QTest.keyClick(strip.saved, Qt.Key.Key_Right, Qt.KeyboardModifier.AltModifier)
+    rest(app, window)
+    assert names(strip.saved) == ["Pose 2", "reach"] and strip.saved.chosen.name == "reach"
+    QTest.keyClick(strip.saved, Qt.Key.Key_Delete)
+    rest(app, window)
+    assert names(strip.saved) == ["Pose 2"]
+    assert len(window.editor.edit.handles) == 1, "the key deletes no handle"
+    bring = strip.menu(strip.saved, -1).actions()[-1]
+    assert "reach" in bring.text()
+    bring.trigger()
+    rest(app, window)
+    assert names(strip.saved) == ["Pose 2", "reach"]
+    # The pose was saved with its handle.
+    start = [
+        a for a in strip.menu(strip.saved, 1).actions() if a.text() == "Start with its handles"
+    ]
+    start[0].trigger()
+    rest(app, window)
+    assert window.editor.session.entry.label == "Start from reach with handles"
+
+
+def test_a_name_that_is_taken_is_told_and_changes_nothing(app, window, strip):
+    for _ in range(2):
+        save_pose(window.editor)
+    rest(app, window)
+    strip.saved.item(0).setText("Pose 2")
+    rest(app, window)
+    assert "another pose has this name" in window.notices.mistake.text
+    assert names(strip.saved) == ["Pose 1", "Pose 2"]
+
+
+def test_the_slider_blends_with_the_selected_pose(app, window, strip):
+    assert not strip.blend.isEnabled()
+    start = window.editor.code.copy()
+    row = names(strip.examples).index("Shape 4")
+    click(strip.examples, row)
+    rest(app, window)
+    assert strip.blend.isEnabled()
+    strip.blend.setSliderDown(True)
+    strip.blend.setValue(500)
+    wanted = deformer.interpolate_codes([start, strip.examples.poses[row].code], 0.5)
+    wait_for(lambda: np.allclose(window.editor.code, wanted), app.processEvents)
+    assert window.editor.session.under_way
+    strip.blend.setSliderDown(False)
+    rest(app, window)
+    assert window.editor.session.entry.label == "Blend with Shape 4"
+    assert strip.blend.value() == 500
+    window.menus.items["undo"].trigger()
+    rest(app, window)
+    assert strip.blend.value() == 0
+
+
+def test_copy_and_paste_go_through_the_clipboard(app, window, strip):
+    from PySide6.QtCore import Qt
+    from PySide6.QtTest import QTest
+
+    row = names(strip.examples).index("Shape 2")
+    click(strip.examples, row)
+    QTest.keyClick(strip.examples, Qt.Key.Key_C, Qt.KeyboardModifier.ControlModifier)
+    assert "Shape 2" in app.clipboard().text()
+    window.menus.items["paste-pose"].trigger()
+    rest(app, window)
+    np.testing.assert_allclose(window.editor.code, strip.examples.poses[row].code)
+    app.clipboard().setText("something else")
+    window.menus.items["paste-pose"].trigger()
+    assert "holds no pose" in window.notices.mistake.text
+    window.menus.items["copy-pose"].trigger()
+    window.editor.prior.reset()
+    rest(app, window)
+    window.menus.items["paste-pose"].trigger()
+    rest(app, window)
+    np.testing.assert_allclose(window.editor.code, strip.examples.poses[row].code)
+
+
+def test_of_many_examples_a_few_are_shown_first(app, window, strip, tmp_path):
+    from dataclasses import replace
+
+    model = window.editor.model
+    rng = np.random.default_rng(0)
+    codes = np.concatenate([model.codes] * 20)[:200] + 0.01 * rng.normal(size=(200, 6))
+    many = replace(model, codes=codes, split={"train": list(range(200)), "test": []})
+    many.save(tmp_path / "many")
+    window.editor.open_model(tmp_path / "many")
+    wait_for(lambda: window.editor.activations is not None and window.idle, app.processEvents)
+    assert strip.examples.count() == 26 and strip.every.isVisibleTo(strip)
+    few = {pose.code for pose in strip.examples.poses[2:]}
+    spread = np.array(list(few))
+    gaps = np.linalg.norm(codes[:, None] - spread, axis=2).min(axis=1)
+    assert gaps.max() < np.linalg.norm(codes - codes.mean(axis=0), axis=1).max()
+    strip.every.click()
+    assert strip.examples.count() == 202
+    rest(app, window)
+    assert len(window.thumbnails._cache) < 150, "only what is seen has been drawn"
+    strip.every.click()
+    assert strip.examples.count() == 26
+
+
+def test_saved_poses_are_found_again_in_the_session(app, window, strip, tmp_path):
+    save_pose(window.editor, "reach")
+    rest(app, window)
+    assert window.isWindowModified()
+    window.editor.save_session(tmp_path / "s.json")
+    window.open_session(tmp_path / "s.json")
+    wait_for(lambda: window.editor.activations is not None and window.idle, app.processEvents)
+    assert names(strip.saved) == ["reach"]

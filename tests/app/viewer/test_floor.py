@@ -1,0 +1,132 @@
+"""The floor of the viewer: its switch, its height, its grid, and what is kept of it."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import deformer
+from deformer import io
+from deformer_app.viewer.exports import export_handles
+from deformer_app.viewer.gizmo import translation
+from deformer_app.viewer.pose_worker import replay
+from deformer_app.viewer.rigs import load_handles
+from deformer_app.viewer.session import Session
+from off_screen_editor import finish
+
+
+def lowest(editor):
+    return editor.vertices[:, 1].min()
+
+
+def pull_down(editor, vertex=115):
+    """Drag a handle below the floor."""
+    editor.handles.place(vertex)
+    size = editor.model.reference.bounding_diagonal
+    for step in range(1, 5):
+        editor.handles.move_selected(translation([0.0, -0.07 * step * size, 0.0]))
+        editor.tick()
+    editor.commit("Place and drag")
+    finish(editor)
+
+
+def test_it_is_switched_on_where_the_examples_stand_and_off_again(editor):
+    editor.floor.switch()
+    finish(editor)
+    assert editor.floor.height == pytest.approx(deformer.Floor.under(editor.model).height)
+    editor.floor.switch()
+    assert editor.floor.height is None
+    editor.undo()
+    assert editor.floor.height is not None
+
+
+def test_nothing_that_is_dragged_passes_it(editor):
+    editor.floor.set_height(float(lowest(editor)) - 0.05)
+    pull_down(editor)
+    size = editor.model.reference.bounding_diagonal
+    assert lowest(editor) >= editor.floor.height - 1e-9 * size
+    assert lowest(editor) < editor.floor.height + 0.01 * size, "it lies on the floor"
+
+
+def test_what_is_dragged_below_it_is_drawn_where_it_acts(editor):
+    editor.floor.set_height(float(lowest(editor)) - 0.05)
+    pull_down(editor)
+    (handle,) = editor.edit.handles
+    floor, size = editor.floor.height, editor.model.reference.bounding_diagonal
+    assert handle.centre[1] < floor - 0.05 * size
+    editor.handles.select([handle.id])
+    dots = editor.state.drawn_handles(editor.vertices, editor.edit.handles).dots
+    x, _, z = handle.centre
+    np.testing.assert_allclose(dots.targets, [[x, floor, z]])
+    assert editor.stage.gizmo is not None
+    np.testing.assert_allclose(editor.stage.gizmo.centre, [x, floor, z])
+    editor.floor.switch()
+    finish(editor)
+    dots = editor.state.drawn_handles(editor.vertices, editor.edit.handles).dots
+    np.testing.assert_allclose(dots.targets, [handle.centre])
+
+
+def test_without_it_the_body_goes_where_it_is_dragged(editor):
+    height = float(lowest(editor)) - 0.05
+    pull_down(editor)
+    assert lowest(editor) < height - 0.1
+
+
+def test_the_base_alone_stands_above_it(editor):
+    height = float(lowest(editor)) + 0.1
+    editor.floor.set_height(height)
+    finish(editor)
+    assert lowest(editor) == pytest.approx(height)
+
+
+def test_the_grid_is_drawn_in_both_themes(editor):
+    def pictures():
+        finish(editor)
+        editor.state.invalidate()
+        finish(editor)
+        return editor.state.view.grab().astype(int)
+
+    for dark in (False, True):
+        editor.picture.change_look(dark=dark)
+        without = pictures()
+        editor.floor.set_height(float(editor.model.reference.vertices[:, 1].min()) - 0.3)
+        changed = np.abs(pictures() - without).sum(axis=2) > 6
+        assert changed.mean() > 0.005
+        # It fades: the borders of the picture are as before.
+        assert not changed[0].any()
+        editor.floor.switch()
+
+
+def test_a_session_keeps_it_and_gives_the_same_pose(editor, tmp_path):
+    editor.floor.set_height(float(lowest(editor)) - 0.05)
+    pull_down(editor)
+    editor.save_session(tmp_path / "work.json")
+    again = Session.load(tmp_path / "work.json")
+    assert again.edit.floor == editor.floor.height
+    np.testing.assert_allclose(replay(again, editor.model).vertices, editor.vertices, atol=1e-6)
+
+
+def test_sessions_of_earlier_versions_have_none(editor, tmp_path):
+    editor.save_session(tmp_path / "work.json")
+    data = json.loads((tmp_path / "work.json").read_text())
+    for entry in data["entries"]:
+        del entry["floor"]
+    (tmp_path / "old.json").write_text(json.dumps(data))
+    assert Session.load(tmp_path / "old.json").edit.floor is None
+
+
+def test_exported_handles_have_it(editor, tmp_path):
+    editor.floor.set_height(float(lowest(editor)) - 0.05)
+    pull_down(editor)
+    height, shown = editor.floor.height, editor.vertices
+    export_handles(editor, tmp_path / "h.json")
+    file = io.load_handles(tmp_path / "h.json", len(shown), components=editor.model.components)
+    assert file.floor == height
+    editor.change("No floor", replace(editor.edit, floor=None, handles=()))
+    load_handles(editor, tmp_path / "h.json")
+    finish(editor)
+    assert editor.floor.height == height
+    np.testing.assert_allclose(
+        editor.vertices, shown, atol=1e-3 * editor.model.reference.bounding_diagonal
+    )
