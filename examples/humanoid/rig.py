@@ -7,14 +7,13 @@ so that every bone's rest frame is the identity. The right side is the mirror im
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 from scipy.spatial.transform import Rotation
+from skinning import DeltaMush, blend
 
-from humanoid.body import Body, adjacency, vertex_normals
+from humanoid.body import Body
 
 X, Y, Z = np.eye(3)
 DOWN = -Z
@@ -125,8 +124,7 @@ class Rig:
         along = self._head("finger3-1.L") - self.wrist
         # Turning about `across` (index to little finger) by a positive angle bends to the palm.
         self.across = _unit(across - (across @ _unit(along)) * _unit(along))
-        matrix = adjacency(body.faces, len(body.vertices))
-        self.mean = sparse.csr_array(sparse.diags_array(1 / matrix.sum(axis=1)) @ matrix)
+        self._mush = DeltaMush(body.vertices, body.faces, MUSH_ROUNDS)
 
     def _head(self, name: str) -> NDArray:
         return self.body.heads[self.index[name]]
@@ -226,48 +224,7 @@ class Rig:
         return turns | {f"toe{i}-1": _turn(-X, leg.toes) for i in range(1, 6)}
 
     def skin(self, pose: Pose) -> NDArray:
-        """Posed vertices (V, 3) of the full body, the pelvis where it is at rest.
-
-        Dual-quaternion blending (Kavan et al., SIGGRAPH 2007), which keeps the volume of bent
-        joints, then delta mush (Mancewicz et al., DigiPro 2014), which spreads their creases.
-        """
-        smooth, frames = self._smoothed(self._blend(*self.bone_transforms(pose)))
-        return smooth + np.einsum("vij,vj->vi", frames, self._detail)
-
-    @cached_property
-    def _detail(self) -> NDArray:
-        """What smoothing takes from the rest pose, in the local frames of the smooth skin."""
-        smooth, frames = self._smoothed(self.body.vertices)
-        return np.einsum("vji,vj->vi", frames, self.body.vertices - smooth)
-
-    def _blend(self, rotations: NDArray, translations: NDArray) -> NDArray:
-        weights, points = self.body.weights, self.body.vertices
-        real = Rotation.from_matrix(rotations).as_quat()  # x y z w
-        # A bone's quaternion takes the sign nearest its parent's: no vertex blends q with −q.
-        for bone, parent in enumerate(self.body.parents):
-            if parent >= 0 and real[bone] @ real[parent] < 0:
-                real[bone] = -real[bone]
-        w, xyz = real[:, 3:], real[:, :3]
-        dual_xyz = 0.5 * (w * translations + np.cross(translations, xyz))
-        dual_w = -0.5 * (translations * xyz).sum(1, keepdims=True)
-        q, d = weights @ real, weights @ np.concatenate([dual_xyz, dual_w], 1)
-        norm = np.linalg.norm(q, axis=1, keepdims=True)
-        q, d = q / norm, d / norm
-        v, s = q[:, :3], q[:, 3:]
-        move = 2 * (s * d[:, :3] - d[:, 3:] * v + np.cross(v, d[:, :3]))
-        return points + 2 * np.cross(v, np.cross(v, points) + s * points) + move
-
-    def _smoothed(self, points: NDArray) -> tuple[NDArray, NDArray]:
-        """Smoothed points (V, 3) and an orthonormal frame (V, 3, 3), as columns, at each."""
-        for _ in range(MUSH_ROUNDS):
-            points = 0.5 * (points + self.mean @ points)
-        normal = vertex_normals(points, self.body.faces)
-        first = points[self._partner] - points
-        first -= (first * normal).sum(1, keepdims=True) * normal
-        first /= np.linalg.norm(first, axis=1, keepdims=True)
-        return points, np.stack([first, np.cross(normal, first), normal], 2)
-
-    @cached_property
-    def _partner(self) -> NDArray:
-        """One neighbour of every vertex, the first tangent of its local frame."""
-        return self.mean.indices[self.mean.indptr[:-1]]
+        """Posed vertices (V, 3) of the full body, the pelvis where it is at rest."""
+        body = self.body
+        turned = blend(body.vertices, body.weights, body.parents, *self.bone_transforms(pose))
+        return self._mush.apply(turned)

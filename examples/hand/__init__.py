@@ -1,0 +1,1 @@
+"""The hand training set: rig, poses and checks behind `13_make_hand.py`."""
