@@ -7,8 +7,11 @@ import numpy as np
 
 import deformer
 from deformer_app.rendering.camera import aim
+from deformer_app.rendering.framing import trimmed
 from deformer_app.rendering.offscreen import HandleGlyphs, contact_sheet, render
 from deformer_app.rendering.sheets import save_sheet
+
+TITLES = ["handles", "close to them", "exactly on them"]
 
 
 def main(picture: Path, quick: bool = False) -> float:
@@ -35,7 +38,7 @@ def main(picture: Path, quick: bool = False) -> float:
         render(deformer.Mesh(p, body.faces), camera, size, glyph)
         for p, glyph in zip(shapes, glyphs, strict=True)
     ]
-    save_sheet(picture, contact_sheet(drawn, 3, ["handles", "close to them", "exactly on them"]))
+    save_sheet(picture, contact_sheet(trimmed(drawn), 3, TITLES))
     return float(poses[0].residual.max())
 
 

@@ -4,8 +4,7 @@ import sys
 from pathlib import Path
 
 import deformer
-from deformer_app.cli.components import heat_maps, title
-from deformer_app.rendering.offscreen import contact_sheet
+from deformer_app.cli.components import heat_layers, heat_maps, heat_sheet, title
 from deformer_app.rendering.sheets import save_sheet
 
 NAMES = {8: "left elbow", 7: "right elbow", 19: "left knee", 18: "right knee", 4: "sit"}
@@ -17,9 +16,10 @@ def main(picture: Path, quick: bool = False) -> list[deformer.Component]:
     analysis = deformer.ComponentAnalysis(model)
     found = analysis.ranked(2 if quick else 12)
 
-    size = (300, 160) if quick else (400, 420)
-    pictures = list(heat_maps(analysis, found, up="z", size=size))
-    save_sheet(picture, contact_sheet(pictures, 6, [title(c) for c in found]))
+    size = (150, 160) if quick else (400, 480)
+    layers = heat_layers(analysis, found)
+    pictures = list(heat_maps(layers, up="z", size=size))
+    save_sheet(picture, heat_sheet(layers, pictures, 6, [title(c) for c in found]))
     return found
 
 

@@ -10,6 +10,7 @@ import deformer
 from deformer import vertex_errors
 from deformer.baselines import METHODS
 from deformer_app.rendering.camera import aim
+from deformer_app.rendering.framing import trimmed, with_bar
 from deformer_app.rendering.offscreen import Layer, contact_sheet, render
 from deformer_app.rendering.palette import HEAT
 from deformer_app.rendering.sheets import save_sheet
@@ -36,14 +37,15 @@ def main(picture: Path, quick: bool = False) -> dict[str, float]:
     errors = {name: vertex_errors(unseen[shown], np.asarray(p[shown])) for name, p in found.items()}
     limit = float(max(e.max() for e in errors.values()))
     pixels = (160, 120) if quick else (420, 360)
-    camera = aim(unseen[shown], up="y", aspect=0.6 * pixels[0] / pixels[1])
+    camera = aim(unseen[shown], up="y", aspect=pixels[0] / pixels[1], margin=0.02)
     layers = [Layer(deformer.Mesh(unseen[shown], base.faces))] + [
         Layer(deformer.Mesh(p[shown], base.faces), scalars=errors[name], limits=(0.0, limit),
-              title="error", colormap=HEAT)
+              title="error", colormap=HEAT, bar=False)
         for name, p in found.items()
     ]  # fmt: skip
     titles = ["unseen shape", *found]
-    save_sheet(picture, contact_sheet([render(x, camera, pixels) for x in layers], 5, titles))
+    sheet = contact_sheet(trimmed([render(x, camera, pixels) for x in layers]), 5, titles)
+    save_sheet(picture, with_bar(sheet, layers[-1]))
     diagonal = base.bounding_diagonal
     return {name: deformer.e_rms(unseen, p, "none") / diagonal for name, p in found.items()}
 
