@@ -5,9 +5,9 @@
 Every line is a process of its own, from its start to its end, taken in turn with the others. The
 median of the repeats is printed in seconds and as a ratio to that of importing numpy and
 scipy.sparse in the same run. Caches are warm, but "first solve" compiles into an empty folder.
-`deformer edit` is timed from its start until its window is on the screen, until the window has a
-model, and until a handle can be dragged; it needs Xvfb and xdotool, and is left out without them.
-`--before` measures another installation in the same turns.
+`deformer edit humanoid` is timed from its start until its window is on the screen, until the window
+has a model, and until a handle can be dragged; it needs Xvfb and xdotool, and is left out without
+them. `--before` measures another installation in the same turns.
 """
 
 import argparse
@@ -113,7 +113,9 @@ def main() -> None:
                     "first solve": seconds([python, "-c", SOLVE], fresh),
                 }
                 if screen is not None:
-                    times |= stages([program, "edit"], {**environment, "DISPLAY": screen})
+                    times |= stages(
+                        [program, "edit", "humanoid"], {**environment, "DISPLAY": screen}
+                    )
                 for case, elapsed in times.items():
                     if turn:  # the first turn fills the caches
                         taken.setdefault((case, name), []).append(elapsed)

@@ -150,16 +150,16 @@ def place_handles(editor: Editor, count: int, exact: bool) -> None:
     assert dragged is not None, "no vertex is visible"
     far = farthest_points(Geodesics(editor.model.reference), count, start=[dragged])
     for vertex in far[::-1]:
-        editor.place(int(vertex), add=True)
+        editor.handles.place(int(vertex), add=True)
     editor.commit("Place")
     if exact:
-        editor.set_kind("exact")
-    editor.select([editor.place(dragged)])
+        editor.handles.set_kind("exact")
+    editor.handles.select([editor.handles.place(dragged)])
 
 
 def drag(editor: Editor, pump: Callable[[], None], offset: np.ndarray) -> tuple[list, ...]:
     """Drag a handle by an offset in pixels and back; lists of the times in seconds."""
-    handle = next(iter(editor.selected))
+    handle = next(iter(editor.handles.selected))
     start = editor.stage.camera.project([editor.stage.position_of(handle)], editor.stage.size)[0]
     interactor = editor.state.view.plotter.iren.interactor
 

@@ -25,7 +25,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-HANG = 1800.0  # seconds of waiting after which the viewer counts as hung
+HANG = 600.0  # seconds of waiting after which the viewer counts as hung
 GROWTH = 0.05  # of memory since the first fifth
 # Commands that end the program, ask for files or leave the window for a dialog.
 _ASIDE = {"quit", "save", "help", "tour", "turntable", "record"}
@@ -86,6 +86,8 @@ def soak(
             pump()
             if n % max(events // 10, 1) == 0:
                 monkey.rest()
+                if editor.timeline.playing:  # a clip plays on until it is stopped
+                    editor.timeline.play_or_stop()
                 wait(pump, lambda: editor.idle)
                 gc.collect()
                 first = memory() if n <= max(events // 5, 1) else first
@@ -156,8 +158,12 @@ class Monkey:
             self._button = ""
 
     def _slide(self) -> None:
-        window, chance = self._window, self._chance
-        sliders = [*window.component_panel.sliders.values(), window.model_panel.prior]
+        from deformer_app.viewer.qt.component_panel import ComponentPanel
+        from deformer_app.viewer.qt.model_panel import ModelPanel
+
+        docks, chance = self._window.docks, self._chance
+        components, prior = docks.panel(ComponentPanel).sliders, docks.panel(ModelPanel).prior
+        sliders = [*components.values(), prior]
         slider = sliders[chance.integers(len(sliders))]
         slider.setValue(int(chance.integers(slider.maximum() + 1)))
 
