@@ -1,6 +1,5 @@
 """What tests of several modules are given."""
 
-import importlib.util
 import json
 import sys
 from pathlib import Path
@@ -9,6 +8,7 @@ import pytest
 
 from deformer_app import console
 from deformer_app.cli import main as cli
+from scripts import module_of
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -16,14 +16,7 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 @pytest.fixture(scope="session")
 def load_example():
     """Give the module of a numbered example, by its file's name without suffix."""
-
-    def load(name):
-        spec = importlib.util.spec_from_file_location(f"example_{name}", EXAMPLES / f"{name}.py")
-        module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-        return module
-
-    return load
+    return lambda name: module_of(EXAMPLES / f"{name}.py")
 
 
 @pytest.fixture

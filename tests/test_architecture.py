@@ -14,14 +14,14 @@ LIBRARY = ROOT / "deformer"
 APPLICATION = ROOT / "app" / "deformer_app"
 
 # A package imports only from packages before it. All may use the modules beside the packages.
-LOOSE_MODULES = ("errors", "checks", "compilation")
+LOOSE_MODULES = ("errors", "checks", "compilation", "compilation_state", "workspace")
 LIBRARY_PACKAGES = (
-    "geometry", "io", "documents", "animation", "preflight", "linalg", "acap", "network", "model",
-    "analysis", "rigging", "editing", "training", "baselines", "evaluation",
+    "geometry", "io", "documents", "animation", "preflight", "linalg", "parallel", "acap",
+    "network", "model", "analysis", "rigging", "editing", "training", "baselines", "evaluation",
 )  # fmt: skip
 APPLICATION_PACKAGES = ("rendering", "report", "viewer", "cli")
 # Packages of the library that the application may use beside the names of `deformer` itself.
-OPEN_TO_THE_APPLICATION = {"io", "evaluation"}
+OPEN_TO_THE_APPLICATION = {"io", "evaluation", "parallel"}
 
 SCREEN = {"pyvista", "vtk", "vtkmodules", "matplotlib", "deformer_app", "pyvistaqt"}
 QT = {"qtpy"} | {f"{name}{version}" for name in ("PySide", "PyQt") for version in (2, 5, 6)}
@@ -130,7 +130,7 @@ def test_every_package_has_its_place():
         found = {path.parent.name for path in root.glob("*/__init__.py")}
         assert found == set(packages)
     loose = {path.name for path in LIBRARY.glob("*.py")}
-    assert loose == {"__init__.py", *(f"{name}.py" for name in LOOSE_MODULES)}
+    assert loose == {"__init__.py", "__main__.py", *(f"{name}.py" for name in LOOSE_MODULES)}
 
 
 @pytest.mark.parametrize(

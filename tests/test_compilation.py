@@ -6,8 +6,11 @@ import subprocess
 import sys
 import textwrap
 
+import numba
+import numba.core.compiler
 import pytest
 
+import deformer
 from deformer import compilation
 
 KERNELS = """
@@ -75,6 +78,7 @@ def test_a_solve_calls_kernels_with_the_types_that_they_declare():
     code = """
         import deformer
         from deformer import compilation
+        from deformer.editing.nodes import Nodes
         from numba.core.sigutils import normalize_signature
         model = deformer.load_model("humanoid")
         vertices = model.reference.vertices
@@ -82,6 +86,12 @@ def test_a_solve_calls_kernels_with_the_types_that_they_declare():
             solver = deformer.HandleSolver(model)
             solver.set_handles([17, 300], vertices[[17, 300]] + 0.1, hard=hard)
             solver.solve()
+        of = Nodes.of
+        Nodes.of = lambda system: of(system, 400)
+        solver = deformer.HandleSolver(model)
+        for shift in (0.0, 0.1):  # the second is a frame by nodes
+            solver.set_handles([17, 300], vertices[[17, 300]] + shift, hard=True)
+            solver.solve(warm=True)
         for module, kernels in compilation._declared.items():
             for kernel, signature in kernels:
                 used = set(kernel.stats.cache_hits) | set(kernel.stats.cache_misses)
@@ -128,3 +138,32 @@ def test_where_no_cache_can_be_written_kernels_work_and_one_line_says_so():
     told, met = run(code).splitlines()
     assert "no folder for compiled kernels" in told and "NUMBA_CACHE_DIR" in told
     assert met == "True"
+
+
+def test_compiling_is_told_while_a_kernel_is_compiled(monkeypatch):
+    seen, compile_extra = [], numba.core.compiler.compile_extra
+
+    def watched(*args, **options):
+        seen.append(deformer.compiling())
+        return compile_extra(*args, **options)
+
+    monkeypatch.setattr(numba.core.compiler, "compile_extra", watched)
+    assert not deformer.compiling()
+    assert numba.njit(lambda x: x + 1)(1) == 2
+    assert seen == [True]
+    assert not deformer.compiling()
+
+
+@pytest.mark.slow
+def test_machine_code_that_is_read_from_a_file_is_not_compiled(tmp_path):
+    (tmp_path / "kernels_of_a_test.py").write_text(KERNELS)
+    code = """
+        from deformer import compilation
+        begun = []
+        compilation._Compilations.on_start = lambda self, event: begun.append(event)
+        import kernels_of_a_test as k
+        assert k.product(6, 7) == 42
+        print(len(begun))
+    """
+    environment = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+    assert [run(code, **environment).strip() for _ in range(2)] == ["1", "0"]

@@ -1,4 +1,4 @@
-"""Truths of docs/equations.md: each function is there and cites its equation in the same words."""
+"""Truths of the page of equations: each function is there and cites its equation in its words."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ import pytest
 
 from paths import ROOT
 
+PAGE = ROOT / "docs" / "understand" / "equations.md"
 ROWS = [
     tuple(cell.strip() for cell in line.strip("|\n ").split("|"))
-    for line in (ROOT / "docs" / "equations.md").read_text(encoding="utf-8").splitlines()
+    for line in PAGE.read_text(encoding="utf-8").splitlines()
     if line.startswith("| ") and not line.startswith(("| equation", "| ---"))
 ]
 

@@ -10,6 +10,7 @@ import pytest
 
 import deformer
 from deformer import InputError, io
+from deformer.workspace import LEAST_MEMORY
 from shapes import sequence, small_model
 
 JUNK = [
@@ -37,15 +38,31 @@ JUNK = [
 ]
 # Classes that hold results, types, and packages: nobody calls them with values of their own.
 RESULTS = {
-    *("Layout", "Rig", "SavedShapes", "ComponentKeys"),
+    *("Layout", "Rig", "SavedShapes", "ComponentKeys", "ComponentRegion"),
     *("Component", "Finding", "Pose", "Repair", "Report", "SequenceFit", "ShapePath", "Symmetry"),
-    *("TrainingProgress", "Uncertainty", "DeformationModel", "BlendSpace", "InputError"),
+    *("BODIES", "Body"),
+    *(
+        "SequenceMemory",
+        "TrainingMemory",
+        "TrainingProgress",
+        "Uncertainty",
+        "DeformationModel",
+        "BlendSpace",
+        "InputError",
+    ),
     *("baselines", "evaluation", "io"),
 }
 # Functions without arguments, or of `io` with callbacks and tested in tests/io.
 OTHERS = {
-    "SEQUENCE_SUFFIXES",
-    *("shipped_models", "io.MESH_SUFFIXES", "io.LARGEST", "io.JsonValue", "io.HandleFile"),
+    *("SEQUENCE_SUFFIXES", "compiling", "assist_training"),
+    *(
+        "shipped_models",
+        "io.MESH_SUFFIXES",
+        "io.LARGEST",
+        "io.JsonValue",
+        "io.HandleFile",
+    ),
+    *("io.HandleBody", "io.HandlePrior", "io.HandleStart"),
     *(
         "io.HandleTarget",
         "io.save_copy",
@@ -57,9 +74,16 @@ OTHERS = {
     # Parts of files, and what reading gives.
     *("io.GlbBuilder", "io.glb_of", "io.VERTICES", "io.INDICES"),
     *("io.GltfAsset", "io.GltfScene", "io.VertexRange"),
+    *("io.clip_extras", "io.is_upright_node", "io.scene_up", "io.upright_node"),
     *("io.UsdMesh", "io.UsdScene", "io.open_usd"),
+    *("io.read_rows", "io.write_rows"),  # of arrays of the program's own
+    *("io.HandleTracks", "io.handle_tracks"),  # of frames that load_handles gives
     *("io.PlyElement", "io.PlyProperty", "io.ply_header", "io.ply_row"),
 }
+
+
+def load_shapes_into_a_file(path):
+    return deformer.load_shapes(path, workspace=deformer.Workspace(LEAST_MEMORY))
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +108,7 @@ def calls(tmp_path_factory):
     synthesis = deformer.Synthesis(model)
     rig = deformer.rig(model, 2)
     features = deformer.extract_features(shapes)
+    stored = load_shapes_into_a_file(folder / "s.npz")
 
     def entered(manager):
         def call(*arguments):
@@ -102,6 +127,7 @@ def calls(tmp_path_factory):
         "FactorisationSettings": {},
         "Familiarity": (model,),
         "FeatureExtractor": (mesh,),
+        "Floor": (0.0, (0.0, 1.0, 0.0)),
         "FeatureScaler": (0.0, 1.0, 0.0, 1.0),
         "Geodesics": (mesh, 4),
         "Handle": (3, [0.0, 0, 0], 1.0, "soft", [1.0, 0, 0, 0], 1.0),
@@ -110,6 +136,9 @@ def calls(tmp_path_factory):
         "MeshSequence": (shapes.vertices, shapes.faces, ("a", "b", "c")),
         "ModelConfig": {},
         "PoissonSystem": (mesh,),
+        "StoredShapes": (stored.vertices, shapes.faces, ("a", "b", "c")),
+        "training_memory": (3, 10, 5),
+        "Workspace": (LEAST_MEMORY, folder),
         "SurfacePoint": ((1, 2), (0.5, 0.5), 0.0),
         "Synthesis": (model, code),
         "check_blend_space": ("latent",),
@@ -119,6 +148,7 @@ def calls(tmp_path_factory):
         "check_shapes_output": (folder / "o.npz",),
         "check_resumable": {"checkpoint": folder / "checkpoint"},
         "component_keys": (model, [0], 0.1),
+        "component_regions": (model, deformer.Activations(model), 0.4),
         "draw_codes": (model, 2, 0, 1.0),
         "e_rms": (shapes.vertices, shapes.vertices, "none"),
         "examine": (shapes, None),
@@ -126,14 +156,25 @@ def calls(tmp_path_factory):
         "farthest_points": (deformer.Geodesics(mesh), 3, 0),
         "find_symmetry": (mesh,),
         "fit_sequence": {"model": model, "vertices": [3], "targets": frames},
+        "fit_sequence_parts": {"model": model, "vertices": [3], "targets": frames},
+        "remove_windows": (folder / "windows",),
+        "sequence_memory": (10, 5, 3),
+        "check_shapes_size": (folder / "o.npz", 2, 10),
         "has_checkpoint": (folder / "checkpoint",),
         "layout": (model, 3),
+        "interpolate_rotations": (np.eye(3), np.eye(3), 0.5),
+        "interpolate_codes": (model.codes[:2], 0.5),
         "interpolate": (model, V + np.zeros((2, 1, 1)), 3, "linear"),
+        "mirrored_pose": (model, V, deformer.find_symmetry(mesh), mesh),
         "load_document": (folder / "a.ply",),
         "load_mesh": (folder / "a.ply",),
         "local_rotations": (model, [3], V),
+        "posed_shape": (model, model.codes[0], np.zeros(3), np.zeros(3)),
+        "poses_to_rest": (solver,),
+        "solve_to_rest": (solver,),
+        "surface_gaps": (model, solver.solve(), [3]),
         "load_model": (folder / "model",),
-        "load_shapes": {"path": folder / "s.npz", "progress": None, "fps": 24.0, "clip": None},
+        "load_shapes": {"path": folder / "s.npz", "fps": 24.0, "clip": None, "workspace": None},
         "log_to_rotation": (np.zeros((2, 3)),),
         "reconstruct": (shapes, features, 0),
         "remove_checkpoint": (folder / "checkpoint",),
@@ -155,6 +196,7 @@ def calls(tmp_path_factory):
         "transfer": (model, model, code),
         "transfer_code": (model, model, code),
         "uncertainty": (solver,),
+        "axis_warning": (model, [3], [[0.0, 0, 0]]),
         "unit_warning": (model, [3], [[0.0, 0, 0]]),
         "vertex_errors": (shapes.vertices, shapes.vertices, "none"),
         "vertex_normals": (V, mesh.faces),
@@ -178,6 +220,11 @@ def calls(tmp_path_factory):
             {"vertices": [3], "targets": [[0.0, 0, 0]], "orientations": [[1.0, 0, 0, 0]]},
         ),
         "HandleSolver.drag": (solver.drag, (17, [0.0, 0, 0], [1.0, 0, 0, 0])),
+        "HandleSolver.set_floor": (solver.set_floor, (deformer.Floor(-1.0),)),
+        "Floor.at": (deformer.Floor.at, (model, 0.5)),
+        "Floor.under": (deformer.Floor.under, (model,)),
+        "Floor.depths": (deformer.Floor(0.0).depths, (V,)),
+        "Floor.above": (deformer.Floor(0.0).above, (V,)),
         "HandleSolver.set_prior": (solver.set_prior, {}),
         "HandleSolver.restore": (solver.restore, (code, [0.0, 0, 0], [0.0, 0, 0])),
         "HandleSolver.solve_to_convergence": (solver.solve_to_convergence, (3,)),
@@ -189,7 +236,7 @@ def calls(tmp_path_factory):
         "Synthesis.code": (synthesis.code, ({0: 1.0},)),
         "Synthesis.shape": (synthesis.shape, ({0: 1.0}, "latent")),
         "Synthesis.sweep": (synthesis.sweep, (0, [0.0, 1.0], {}, "latent")),
-        "Familiarity.distance": (deformer.Familiarity(model).distance, (code,)),
+        "Familiarity.percentile": (deformer.Familiarity(model).percentile, (code,)),
         "io.atomic_path": (entered(io.atomic_path), (folder / "w.txt",)),
         "io.check_copy": (io.check_copy, (folder / "s.npz", folder / "copy")),
         "io.copied_path": (
@@ -198,7 +245,10 @@ def calls(tmp_path_factory):
         ),
         "io.check_output_file": (io.check_output_file, (folder / "w.json",)),
         "io.check_shapes_output": (io.check_shapes_output, (folder / "w.npz",)),
-        "io.load_handles": (io.load_handles, (folder / "h.json", len(V), mesh.faces)),
+        "io.load_handles": (
+            io.load_handles,
+            (folder / "h.json", len(V), mesh.faces, model.components, None),
+        ),
         "io.load_split": (io.load_split, (folder / "split.json", 3)),
         "io.locked": (entered(io.locked), (folder / "w", 0.0)),
         "io.mesh_bytes": (io.mesh_bytes, (mesh, ".obj")),
@@ -275,7 +325,7 @@ def names_of_calls():
     methods += [f"DeformationModel.{n}" for n in ("encode", "decode", "fit", "save", "component")]
     methods += [f"DeformationModel.{n}" for n in ("label", "with_component_names")]
     methods += [f"HandleSolver.{n}" for n in ("set_handles", "drag", "set_prior", "restore")]
-    methods += ["HandleSolver.solve_to_convergence", "Familiarity.distance", "Document.write"]
+    methods += ["HandleSolver.solve_to_convergence", "Familiarity.percentile", "Document.write"]
     methods += [f"Synthesis.{n}" for n in ("code", "shape", "sweep")]
     methods += [f"Rig.{n}" for n in ("pose", "local", "fit", "glb", "save")]
     return sorted({*NAMES, *methods} - RESULTS - OTHERS)

@@ -12,6 +12,7 @@ pytestmark = pytest.mark.slow
 HEAVY = {
     "torch", "numba", "scipy", "trimesh", "igl", "potpourri3d", "natsort", "typer", "rich",
     "matplotlib", "pyvista", "pyvistaqt", "vtkmodules", "PySide6", "PIL", "jinja2", "filelock",
+    "dask", "distributed",
 }  # fmt: skip
 COMMAND = "import sys; sys.argv[1:] = {arguments}; from deformer_app.entry import main\n"
 COMMAND += "try: main()\nexcept SystemExit as end: assert not end.code"

@@ -12,7 +12,7 @@ from paths import ROOT
 
 pytestmark = pytest.mark.slow
 SOURCES = {"deformer": ROOT, "deformer_app": ROOT / "app", "deformer_models": ROOT / "models"}
-# The optional Qt and the encoder of videos come with `deformer[app]`.
+# The optional Qt and the encoder of videos come with `deformer[app]`, Dask with `[cluster]`.
 IMPORT_ALL = """
 import importlib, json, sys
 modules = json.load(sys.stdin)
@@ -21,7 +21,8 @@ for name in modules:
     try:
         places[name] = importlib.import_module(name).__file__
     except ModuleNotFoundError as error:
-        if error.name.split(".")[0] not in {"PySide6", "pyvistaqt", "qtpy", "imageio_ffmpeg"}:
+        optional = {"PySide6", "pyvistaqt", "qtpy", "imageio_ffmpeg", "dask", "distributed"}
+        if error.name.split(".")[0] not in optional:
             raise
 import deformer
 models = {name: deformer.load_model(name).fingerprint for name in deformer.shipped_models()}

@@ -25,7 +25,7 @@ def test_shipped_models_are_small():
 
 
 def test_no_text_has_the_marks_of_a_merge():
-    for pattern in ("*.md", "*.toml", "benchmarks/*.md", "docs/*.md", "models/*/*/*.md"):
+    for pattern in ("*.md", "*.toml", "benchmarks/*.md", "docs/**/*.md", "models/*/*/*.md"):
         for path in ROOT.glob(pattern):
             lines = path.read_text(encoding="utf-8").splitlines()
             marks = [

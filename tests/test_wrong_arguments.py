@@ -166,7 +166,7 @@ def cases():
         ),
         *each("transfer", lambda v: deformer.transfer(model(), model(), v), bad_codes, "z"),
         *each("source", lambda v: deformer.transfer(v, model(), codes), not_models, "source"),
-        *each("familiarity", lambda v: deformer.Familiarity(model()).distance(v), bad_codes, "z"),
+        *each("familiarity", lambda v: deformer.Familiarity(model()).percentile(v), bad_codes, "z"),
         *each("extreme", lambda v: deformer.ComponentAnalysis(model(), v), [*WHOLE, -1]),
         *each("features", deformer.extract_features, ["x", None, shapes], "shapes"),
         *each("reconstruct", lambda v: deformer.reconstruct(sequence(3), v), arrays, "features"),

@@ -2,7 +2,6 @@
 
 import json
 import math
-import resource
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from deformer.training.checkpoints import Stages, check_identity, load_checkpoin
 from deformer_app.viewer.edit import Edit, Handle, Solution
 from deformer_app.viewer.session import Entry, ModelName, Session
 from gltf_files import channel, skinned, with_targets
+from memory import peak_memory
 from shapes import small_model
 
 MEMORY = 600e6  # bytes that reading an input of a few kilobytes may take
@@ -410,7 +410,7 @@ class Valid:
 
 def fault_of(kind, path):
     """What is wrong about how a damaged input is read, in words; None if nothing is."""
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    before = peak_memory()
     try:
         with np.errstate(all="ignore"):
             kind.check(kind.read(path))
@@ -426,5 +426,5 @@ def fault_of(kind, path):
         return f"accepted, but not whole: {error!r}"
     except BaseException as error:
         return f"{type(error).__name__}: {error}"
-    grown = 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+    grown = peak_memory() - before
     return f"took {grown / 1e6:.0f} MB" if grown > MEMORY else None

@@ -10,7 +10,7 @@ import pytest
 
 
 @contextmanager
-def virtual_display(*programs):
+def virtual_display(*programs, size=(1400, 950)):
     """The name of an X display that lasts for the block; skips where it cannot be had."""
     if not sys.platform.startswith("linux"):
         pytest.skip("needs X on Linux")
@@ -19,7 +19,7 @@ def virtual_display(*programs):
             pytest.skip(f"needs {program} (Debian, Ubuntu: apt install {program.lower()})")
     read, write = os.pipe()
     server = subprocess.Popen(
-        ["Xvfb", "-displayfd", str(write), "-screen", "0", "1400x950x24", "-noreset"],
+        ["Xvfb", "-displayfd", str(write), "-screen", "0", f"{size[0]}x{size[1]}x24", "-noreset"],
         pass_fds=[write],
         stderr=subprocess.DEVNULL,
     )

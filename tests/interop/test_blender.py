@@ -9,13 +9,9 @@ import tubes
 from deformer.documents import rooted_glb
 from rigs import two_bones
 from shapes import small_model
+from upright import upright
 
 TOLERANCE = 1e-5
-
-
-def upright(vertices):
-    """Positions of files whose y axis points up, as Blender has them, whose z axis does."""
-    return vertices[..., [0, 2, 1]] * [1, -1, 1]
 
 
 def assert_near(found, expected, tolerance=TOLERANCE):

@@ -7,6 +7,7 @@ import deformer
 import tubes
 from deformer import MeshSequence
 from shapes import small_model
+from upright import upright
 
 FRAMES = 13
 TOLERANCE = 1e-3  # of clips
@@ -22,11 +23,6 @@ def sequence(tmp_path_factory):
     assert document is not None
     bends = np.linspace(0, 1.2, FRAMES)
     return MeshSequence([tubes.positions(bend) for bend in bends], document.faces), document
-
-
-def upright(vertices):
-    """Positions of files whose y axis points up, as Blender has them, whose z axis does."""
-    return vertices[..., [0, 2, 1]] * [1, -1, 1]
 
 
 def assert_same_places(found, expected, tolerance):

@@ -1,0 +1,104 @@
+"""Tasks that tests give to executors: workers import them from here."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+
+from deformer.errors import InputError
+
+
+def count(number):
+    """Yields 0, 1, … and returns their sum."""
+    yield from ([n] for n in range(number))
+    return sum(range(number))
+
+
+def die(number):
+    """Yields as `count` does, then ends as a process that is killed."""
+    yield from count(number)
+    os.kill(os.getpid(), getattr(signal, "SIGKILL", signal.SIGTERM))
+    time.sleep(60)
+
+
+def refuse(text):
+    """Yields once and raises."""
+    yield 0
+    raise InputError(text)
+
+
+def meet(own, other):
+    """Ends once another task runs at the same time: each sees the other's file."""
+    Path(own).touch()
+    while not Path(other).exists():
+        time.sleep(0.02)
+    yield os.getpid()
+    return os.getpid()
+
+
+def process():
+    """Returns the process that it runs in."""
+    yield None
+    return os.getpid()
+
+
+def wait_for_ever(started):
+    """Never ends."""
+    yield 0
+    Path(started).touch()
+    while True:
+        time.sleep(1)
+
+
+def measure_or_die(job, folder):
+    """As `run_job`, but the method "arap" kills its process after the first measurement."""
+    from deformer.evaluation.measurements import run_job  # takes seconds to import
+
+    for found in run_job(job, folder):
+        yield found
+        if job.training.method == "arap":
+            time.sleep(0.5)  # until the part has gone out
+            os.kill(os.getpid(), getattr(signal, "SIGKILL", signal.SIGTERM))
+            time.sleep(60)
+
+
+def die_once(number, died):
+    """As `count`; the first process that runs it ends after two parts."""
+    for part in count(number):
+        yield part
+        if part == [1] and not Path(died).exists():
+            Path(died).touch()
+            time.sleep(0.5)  # until the parts have gone out
+            os.kill(os.getpid(), getattr(signal, "SIGKILL", signal.SIGTERM))
+            time.sleep(60)
+    return sum(range(number))
+
+
+def total(array, factor):
+    """The sum of an array."""
+    yield from ()
+    return factor * float(array.sum())
+
+
+def tick(ended):
+    """Yields for ever, and leaves a file when it is ended."""
+    try:
+        while True:
+            yield 0
+            time.sleep(0.02)
+    finally:
+        Path(ended).touch()
+
+
+def squares(number):
+    """The first squares, as an array."""
+    yield 0
+    return np.arange(float(number)) ** 2
+
+
+def appended(array, number):
+    """An array with one more number."""
+    yield 0
+    return np.append(array, number)
