@@ -75,9 +75,15 @@ class Piecewise:
 
 
 def _changed(function: Change, X: NDArray, piece: Any, *order: Any) -> Generator[None, None, Any]:
-    """A task that changes a piece."""
+    """A task that changes a piece.
+
+    Arrays that come from elsewhere start at any address, and sums over them round differently.
+    Copies start where numpy's own do, so that every process finds the same.
+    """
     yield from ()
-    return function(X, piece, *order)
+    return function(
+        X.copy(), piece, *(np.array(o) if isinstance(o, np.ndarray) else o for o in order)
+    )
 
 
 def _attribute(piece: Any, name: str) -> Generator[None, None, Any]:

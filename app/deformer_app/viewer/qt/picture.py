@@ -82,6 +82,15 @@ class Picture(QtInteractor):
         self._setEventInformation(at.x(), at.y(), ctrl, shift, chr(0))
         super().wheelEvent(ev)
 
+    def close(self) -> None:
+        """Free what has been drawn.
+
+        pyvistaqt (0.13.1) keeps the wrapper of a surface that Qt then deletes: PySide would take
+        for it whatever Qt allocates there next, such as a button of the next window.
+        """
+        super().close()
+        self._forget_context()
+
     def _cb_frame(self, obj: Any, evt: Any) -> None:
         self._drawn = not self._in_paint
         super()._cb_frame(obj, evt)

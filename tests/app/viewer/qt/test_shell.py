@@ -1,6 +1,7 @@
 """The start page, the theme, notices, drops, and what closing asks."""
 
 import errno
+import gc
 import json
 import shutil
 
@@ -298,6 +299,24 @@ def test_what_cannot_be_dropped_is_told(app, bare, tmp_path):
     assert "open the model first" in bare.notices.mistake.text
     drop(app, bare, one, two)
     assert "drop one file" in bare.notices.mistake.text
+
+
+def test_a_closed_window_keeps_no_surface_that_qt_deletes(app, tmp_path):
+    """PySide takes the next object at its address for it: a button was found to be a surface."""
+    from PySide6.QtGui import QSurface
+
+    def surfaces():
+        return [one for one in gc.get_objects() if type(one) is QSurface]
+
+    before = len(surfaces())
+    with new_window(app, Settings(tmp_path / "settings")) as made:
+        made.plotter.render()
+        wait_for(lambda: len(surfaces()) > before, app.processEvents)
+        gc.disable()
+    try:
+        assert len(surfaces()) == before
+    finally:
+        gc.enable()
 
 
 def test_the_theme_stays_between_starts_and_sessions_do_not_change_it(app, bare, model_path):
