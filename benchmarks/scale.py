@@ -1,12 +1,14 @@
-"""Growth of a training with the number of shapes, and what a limit of memory costs.
+"""Growth of trainings and drags with shapes, vertices, components and handles, and with memory.
 
-    python benchmarks/scale.py [--vertices 10000] [--shapes 250 500 1000] [--memory 2e9]
-        [--rounds 50] [--both]
+    python benchmarks/scale.py [--shapes 200 400 800] [--vertices 5000 10000 20000]
+        [--components 50 25 100] [--handles 10 5 20 40] [--memory 2e9] [--rounds 50] [--both]
 
-Shapes are drawn from the latent prior of the shipped humanoid, on its surface subdivided (and cut
-down to the number of vertices), and written to an NPZ file. A process of its own loads and trains
-on each number of them, with the limit, and with --both also with everything in memory. Prints
-seconds and peak resident memory of each, their ratios, and the largest difference of the codes.
+Each list is varied while the others keep their first value. Shapes are drawn from the latent prior
+of the shipped humanoid, on its surface subdivided to the number of vertices, and written to an NPZ
+file. A process of its own loads and trains on them, with the limit of memory, and drags the model
+from one shape to another; with --both another one trains with everything in memory. Prints seconds,
+the processor's time, peak resident memory and frames, the ratios of both trainings, the largest
+difference of their codes, and the exponents of growth: slopes of logarithms by least squares.
 """
 
 import argparse
@@ -15,27 +17,46 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from drawn_sets import write_shapes
 from rich.console import Console
 from rich.table import Table
 
 import deformer
-from deformer.geometry import edges
+from deformer.editing import HandleSolver
+
+FRAMES = 100
+OF_TRAINING = {
+    "seconds": "training, s",
+    "processor": "processor's time, s",
+    "peak": "peak GB",
+}
+OF_DRAG = {
+    "frame": "a frame, ms",
+    "p95": "p95",
+    "rest": "at rest",
+    "cold": "cold solve",
+}
 
 
-def config(rounds: int) -> deformer.ModelConfig:
-    """Fifty components and a given sparsity, in so many rounds."""
-    training = deformer.FactorisationSettings(rounds, sparsity=0.2)
-    return deformer.ModelConfig(components=50, training=training, align=False)
+@dataclass(frozen=True)
+class Size:
+    """Numbers of a case."""
+
+    shapes: int
+    vertices: int
+    components: int
 
 
 def main() -> None:
-    """Make shapes, and train in processes of their own."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--vertices", type=int, default=10_000)
-    parser.add_argument("--shapes", type=int, nargs="+", default=[250, 500, 1000])
+    parser.add_argument("--shapes", type=int, nargs="+", default=[200, 400, 800])
+    parser.add_argument("--vertices", type=int, nargs="+", default=[5000, 10_000, 20_000])
+    parser.add_argument("--components", type=int, nargs="+", default=[50, 25, 100])
+    parser.add_argument("--handles", type=int, nargs="+", default=[10, 5, 20, 40])
     parser.add_argument("--memory", type=float, default=2e9, help="bytes")
     parser.add_argument("--rounds", type=int, default=50, help="of each training")
     parser.add_argument("--both", action="store_true", help="also with everything in memory")
@@ -44,150 +65,104 @@ def main() -> None:
     options = parser.parse_args()
     if options.one:
         path, limit = options.one
-        train_one(Path(path), float(limit), options.folder, options.rounds)
+        print(json.dumps(measured(Path(path), float(limit), options)))
         return
-    console = Console(width=110)
-    table = Table("shapes", "memory", "seconds", "load", "peak GB", "time ratio", "codes differ")
-    with tempfile.TemporaryDirectory(dir=options.folder) as name:
-        folder = Path(name)
-        for count in options.shapes:
-            path = folder / f"{count}.npz"
-            write_shapes(path, count, options.vertices)
-            limits = [options.memory, 1e12] if options.both else [options.memory]
-            found = [run_one(path, limit, folder, options.rounds) for limit in limits]
-            for limit, one in zip(limits, found, strict=True):
-                whole, row = found[-1], ["", ""]
-                if options.both:
-                    codes = [np.load(f"{f['codes']}") for f in (one, whole)]
-                    row = [f"{one['seconds'] / whole['seconds']:.2f}"]
-                    row.append(f"{np.abs(codes[0] - codes[1]).max():.1e}")
-                table.add_row(
-                    str(count),
-                    f"{limit:g}",
-                    f"{one['seconds']:.0f}",
-                    f"{one['load']:.0f}",
-                    f"{one['peak'] / 1e9:.2f}",
-                    *row,
-                )
-            path.unlink()
-    console.print(f"{options.vertices} vertices, 50 components")
-    console.print(table)
+    console = Console(width=120)
+    found = {}
+    for size in sizes(options):
+        found[size] = cases(size, options)
+        print(size, found[size], file=sys.stderr)
+    console.print(trainings(found))
+    console.print(drags(found))
+    console.print(exponents(found, options))
 
 
-def write_shapes(path: Path, count: int, vertices: int) -> None:
-    """Write shapes of so many vertices to an NPZ file, a few at a time in memory."""
-    model = deformer.load_model("humanoid")
-    rng = np.random.default_rng(0)
-    codes = model.prior.mean + rng.normal(size=(count, model.components)) @ model.prior.factor.T
-    codes[0] = 0.0
-    lift, faces = subdivided(model.reference, vertices)
-    raw = path.with_suffix(".npy")
-    out = np.lib.format.open_memmap(raw, "w+", np.float32, (count, lift.shape[0], 3))
-    for n, code in enumerate(codes):
-        out[n] = lift @ model.decode(code)
-    out.flush()
-    del out
-    import zipfile
-
-    face_file = path.with_name("faces.npy")
-    np.save(face_file, faces)
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.write(raw, "vertices.npy")
-        archive.write(face_file, "faces.npy")
-    raw.unlink()
+def sizes(options) -> list[Size]:
+    """The first of all lists, then each list's others."""
+    lists = {name: getattr(options, name) for name in ("shapes", "vertices", "components")}
+    base = {name: values[0] for name, values in lists.items()}
+    rest = [base | {name: value} for name, values in lists.items() for value in values[1:]]
+    return [Size(**one) for one in (base, *rest)]
 
 
-def subdivided(mesh: deformer.Mesh, vertices: int):
-    """Interpolation (W, V) to a mesh of so many vertices, and its faces."""
-    from scipy import sparse
-
-    lift, faces = sparse.eye_array(len(mesh.vertices), format="csr"), mesh.faces
-    while lift.shape[0] < vertices:
-        pairs = edges(faces)
-        # Only as many edges as are needed: those of the first faces.
-        rng = np.random.default_rng(1)
-        wanted = min(len(pairs), vertices - lift.shape[0])
-        chosen = np.zeros(len(pairs), dtype=bool)
-        chosen[rng.permutation(len(pairs))[:wanted]] = True
-        if wanted < len(pairs):
-            # Not all of them are split at once: each face only once.
-            lift, faces = split_some(lift, faces, pairs[chosen])
-            continue
-        V = lift.shape[0]
-        number = {tuple(pair): V + n for n, pair in enumerate(pairs.tolist())}
-        rows = np.repeat(np.arange(len(pairs)), 2)
-        middle = sparse.csr_array(
-            (np.full(2 * len(pairs), 0.5), (rows, pairs.ravel())), shape=(len(pairs), V)
-        )
-        lift = sparse.vstack([lift, middle @ lift]).tocsr()
-        new = []
-        for a, b, c in faces.tolist():
-            ab, bc, ca = (number[tuple(sorted(p))] for p in ((a, b), (b, c), (c, a)))
-            new += [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
-        faces = np.array(new)
-    return lift, faces
+def cases(size: Size, options) -> dict:
+    """Figures of a size, with ratios to those of everything in memory."""
+    with tempfile.TemporaryDirectory(dir=options.folder) as folder:
+        path = Path(folder) / "shapes.npz"
+        write_shapes(path, size.shapes, size.vertices)
+        one = run(path, options.memory, size, options)
+        if options.both:
+            codes = np.load(one["codes"])
+            whole = run(path, 1e12, size, options)
+            one["ratio"] = one["seconds"] / whole["seconds"]
+            one["differ"] = float(np.abs(codes - np.load(whole["codes"])).max())
+    return one
 
 
-def split_some(lift, faces, pairs):
-    """Split single edges of faces, each face at most once."""
-    from scipy import sparse
-
-    V, faces = lift.shape[0], faces.tolist()
-    at: dict[tuple[int, int], list[int]] = {}
-    for f, (a, b, c) in enumerate(faces):
-        for pair in ((a, b), (b, c), (c, a)):
-            at.setdefault(tuple(sorted(pair)), []).append(f)
-    touched, ends = set(), []
-    for pair in map(tuple, pairs.tolist()):
-        if touched & set(at[pair]):
-            continue
-        touched |= set(at[pair])
-        middle = V + len(ends)
-        ends.append(pair)
-        for f in at[pair]:
-            corners = faces[f]
-            turn = next(i for i in range(3) if {corners[i], corners[(i + 1) % 3]} == set(pair))
-            a, b, c = corners[turn:] + corners[:turn]
-            faces[f] = [a, middle, c]
-            faces.append([middle, b, c])
-    rows = np.repeat(np.arange(len(ends)), 2)
-    half = sparse.csr_array(
-        (np.full(2 * len(ends), 0.5), (rows, np.ravel(ends))), shape=(len(ends), V)
-    )
-    return sparse.vstack([lift, half @ lift]).tocsr(), np.array(faces)
-
-
-def run_one(path: Path, limit: float, folder: Path, rounds: int) -> dict:
+def run(path: Path, limit: float, size: Size, options) -> dict:
     """Figures of one training in a process of its own."""
     command = [sys.executable, __file__, "--one", str(path), str(limit)]
-    command += ["--folder", str(folder), "--rounds", str(rounds)]
+    command += ["--rounds", str(options.rounds), "--components", str(size.components)]
+    command += ["--handles", *map(str, options.handles)]
     found = subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True)
     return json.loads(found.stdout.splitlines()[-1])
 
 
-def train_one(path: Path, limit: float, folder: Path, rounds: int) -> None:
-    """Load, train, and print figures as JSON."""
-    stages: dict[str, float] = {}
+def measured(path: Path, limit: float, options) -> dict:
+    """Load, train, drag."""
+    begun, processor = time.perf_counter(), time.process_time()
 
     def told(progress) -> None:
-        seconds = time.perf_counter() - begun
-        stages[progress.stage] = seconds
         if progress.done in (1, progress.total) or progress.done % 500 == 0:
             what = f"{progress.stage} {progress.done} of {progress.total}"
+            seconds = time.perf_counter() - begun
             print(f"{seconds:.0f} s: {what}, {peak_memory() / 1e9:.2f} GB", file=sys.stderr)
 
-    begun = time.perf_counter()
-    workspace = deformer.Workspace(limit, folder)
+    workspace = deformer.Workspace(limit, path.parent)
     shapes = deformer.load_shapes(path, workspace=workspace)
-    load = time.perf_counter() - begun
-    model = deformer.train(shapes, config=config(rounds), workspace=workspace, on_progress=told)
-    seconds = time.perf_counter() - begun
-    codes = folder / f"{path.stem}-{limit:g}.npy"
+    # A given sparsity: fewer trials, which go through 500 shapes at most.
+    training = deformer.FactorisationSettings(options.rounds, sparsity=0.2)
+    config = deformer.ModelConfig(components=options.components[0], training=training, align=False)
+    model = deformer.train(shapes, config=config, workspace=workspace, on_progress=told)
+    codes = path.with_name("codes.npy")
     np.save(codes, model.codes)
-    peak = peak_memory()
-    stages = {name: round(value, 1) for name, value in stages.items()}
-    print(f"{path.stem} shapes, limit {limit:g}: ends of stages {stages}", file=sys.stderr)
-    print(json.dumps({"load": load, "seconds": seconds, "peak": peak, "codes": str(codes)}))
+    figures = {
+        "seconds": time.perf_counter() - begun,
+        "processor": time.process_time() - processor,
+        "peak": peak_memory() / 1e9,
+        "codes": str(codes),
+        "shapes": len(shapes),
+        "vertices": len(model.reference.vertices),
+        "components": model.components,
+    }
+    ends = np.stack([shapes.mesh(i).vertices for i in (0, len(shapes) // 2)])
+    return figures | {"drags": {H: dragged(model, ends, H) for H in options.handles}}
+
+
+def dragged(model, ends, count: int) -> dict:
+    """Milliseconds of frames with so many exact handles that move from one shape to another."""
+    handles = deformer.farthest_points(model.geodesics, count, seed=0)
+    path = [(1 - s) * ends[0, handles] + s * ends[1, handles] for s in np.linspace(0, 1, FRAMES)]
+    solver = HandleSolver(model)
+    for _ in range(2):  # the first drag warms up
+        solver.set_handles(handles, path[0], hard=True)
+        begun = time.perf_counter()
+        solver.solve()
+        cold = time.perf_counter() - begun
+        frames = []
+        for targets in path:
+            begun = time.perf_counter()
+            solver.set_handles(handles, targets, hard=True)
+            solver.solve(warm=True)
+            frames.append(time.perf_counter() - begun)
+        begun = time.perf_counter()
+        solver.solve(warm=True)
+        rest = time.perf_counter() - begun
+    frame, p95 = np.percentile(frames, [50, 95])
+    return {
+        name: 1e3 * seconds
+        for name, seconds in (("frame", frame), ("p95", p95), ("rest", rest), ("cold", cold))
+    }
 
 
 def peak_memory() -> int:
@@ -195,6 +170,67 @@ def peak_memory() -> int:
     # The peak that getrusage tells begins with that of the process that made the shapes.
     lines = Path("/proc/self/status").read_text().splitlines()
     return 1024 * next(int(line.split()[1]) for line in lines if line.startswith("VmHWM:"))
+
+
+def trainings(found: dict[Size, dict]) -> Table:
+    """A row for each training."""
+    names = [
+        "shapes",
+        "vertices",
+        "components",
+        *OF_TRAINING.values(),
+        "time ratio",
+        "codes differ",
+    ]
+    table = Table(*names, title="trainings")
+    for one in found.values():
+        sizes = [str(one[name]) for name in ("shapes", "vertices", "components")]
+        figures = [f"{one[name]:.4g}" for name in OF_TRAINING]
+        both = [f"{one['ratio']:.2f}", f"{one['differ']:.1e}"] if "ratio" in one else ["", ""]
+        table.add_row(*sizes, *figures, *both)
+    return table
+
+
+def drags(found: dict[Size, dict]) -> Table:
+    """A row for each number of handles, and for each model."""
+    table = Table("vertices", "components", "handles", *OF_DRAG.values(), title="drags, ms")
+    first = next(iter(found))
+    for size, one in found.items():
+        if size.shapes != first.shapes:
+            continue
+        drags = list(one["drags"].items())
+        for H, drag in drags if size == first else drags[:1]:
+            figures = [f"{drag[name]:.1f}" for name in OF_DRAG]
+            table.add_row(str(one["vertices"]), str(size.components), H, *figures)
+    return table
+
+
+def exponents(found: dict[Size, dict], options) -> Table:
+    """Slopes of the logarithms over each list."""
+    table = Table("grows with", *OF_TRAINING.values(), *OF_DRAG.values(), title="exponents")
+    first, H = next(iter(found)), str(options.handles[0])
+    for name in ("shapes", "vertices", "components"):
+        line = [one for size, one in found.items() if varies_alone(size, first, name)]
+        if len(line) > 1:
+            x = [one[name] for one in line]
+            values = [[one[of] for one in line] for of in OF_TRAINING]
+            values += [[one["drags"][H][of] for one in line] for of in OF_DRAG]
+            table.add_row(name, *(slope(x, y) for y in values))
+    drags = found[first]["drags"]
+    if len(drags) > 1:
+        values = [[drag[of] for drag in drags.values()] for of in OF_DRAG]
+        x = [int(H) for H in drags]
+        table.add_row("handles", *("" for _ in OF_TRAINING), *(slope(x, y) for y in values))
+    return table
+
+
+def varies_alone(size: Size, first: Size, name: str) -> bool:
+    """Whether the size is that of the first, apart from the named number."""
+    return replace(size, **{name: getattr(first, name)}) == first
+
+
+def slope(x: list[int], y: list[float]) -> str:
+    return f"{np.polyfit(np.log(x), np.log(y), 1)[0]:.2f}"
 
 
 if __name__ == "__main__":

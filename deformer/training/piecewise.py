@@ -8,13 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deformer.parallel import Executor, results
+from deformer.parallel import Executor, results, stream
 from deformer.training.site_tiles import SiteTiles
 
-# (numbers (N, m·D) of a tile, its piece, an order) → its new piece, which has an attribute `told`.
-Change = Callable[..., Any]
+# (numbers (N, m·D) of a tile, its piece, an order) → its new piece, and what it tells.
+Change = Callable[..., tuple[Any, Any]]
 # Sites of a tile → the further arguments of a change.
 Order = Callable[[slice], tuple[Any, ...]]
+# Takes the number of a tile and what its piece tells.
+Take = Callable[[int, Any], None]
 
 
 class Piecewise:
@@ -34,47 +36,59 @@ class Piecewise:
         self._pieces: list[Any] = []
         self._shared: list[Any] = []
 
-    def change(self, function: Change, order: Order) -> list[Any]:
+    def change(self, function: Change, order: Order, take: Take) -> None:
         """Replace all pieces.
 
         Args:
             function: of a module; it changes none of its arguments.
             order: gives its arguments after tile and piece; the first time, the piece is None.
-
-        Returns:
-            What each new piece has `told`.
+            take: called with what each new piece tells, in the order of the tiles. For many shapes
+                that is large, and not to be kept.
         """
         data, last = self._data, self._pieces or [None] * self._data.count
         if self._executor is None:
             self._pieces = last
             for t, X in data.each():
-                self._pieces[t] = function(X, last[t], *order(data.sites(t)))
-            return [piece.told for piece in self._pieces]
+                self._pieces[t], told = function(X, last[t], *order(data.sites(t)))
+                take(t, told)
+            return
         if not self._shared:
             self._shared = [self._executor.share(X.copy()) for _, X in data.each()]
         tasks = [
             self._executor.keep(_changed, function, X, piece, *order(data.sites(t)))
             for t, (X, piece) in enumerate(zip(self._shared, last, strict=True))
         ]
-        self._pieces = results(self._executor, tasks)
-        return self._asked("told")
+        changed = results(self._executor, tasks)
+        self._take_in_order(changed, take)
+        self._pieces = results(
+            self._executor, [self._executor.keep(_of_pair, pair, 0) for pair in changed]
+        )
+
+    def _take_in_order(self, changed: list[Any], take: Take) -> None:
+        """Have what is told sent, a few at a time."""
+        assert self._executor is not None
+        early: dict[int, Any] = {}
+        following = 0
+        for t, told in stream(self._executor, ((_of_pair, pair, 1) for pair in changed)):
+            early[t] = told
+            while following in early:
+                take(following, early.pop(following))
+                following += 1
 
     def gather(self, name: str, count: int) -> NDArray:
         """The attribute `name` (count, m·D) of all pieces, together (count, M·D); 0 without any."""
         _, M, D = self._data.shape
         if not self._pieces:
             return np.zeros((count, M * D), dtype=self._data.dtype)
-        return np.concatenate(self._asked(name), axis=1)
-
-    def _asked(self, name: str) -> list[Any]:
-        """An attribute of each piece."""
         if self._executor is None:
-            return [getattr(piece, name) for piece in self._pieces]
+            return np.concatenate([getattr(piece, name) for piece in self._pieces], axis=1)
         tasks = [self._executor.submit(_attribute, piece, name) for piece in self._pieces]
-        return results(self._executor, tasks)
+        return np.concatenate(results(self._executor, tasks), axis=1)
 
 
-def _changed(function: Change, X: NDArray, piece: Any, *order: Any) -> Generator[None, None, Any]:
+def _changed(
+    function: Change, X: NDArray, piece: Any, *order: Any
+) -> Generator[None, None, tuple[Any, Any]]:
     """A task that changes a piece.
 
     Arrays that come from elsewhere start at any address, and sums over them round differently.
@@ -84,6 +98,12 @@ def _changed(function: Change, X: NDArray, piece: Any, *order: Any) -> Generator
     return function(
         X.copy(), piece, *(np.array(o) if isinstance(o, np.ndarray) else o for o in order)
     )
+
+
+def _of_pair(pair: tuple[Any, Any], which: int) -> Generator[None, None, Any]:
+    """A task that gives a piece, or what it tells."""
+    yield from ()
+    return pair[which]
 
 
 def _attribute(piece: Any, name: str) -> Generator[None, None, Any]:

@@ -1,8 +1,8 @@
 """Components of a group of sites: what a factorisation does to them, given the weights.
 
 The sites do not depend on each other. Each function is given the data (N, m·D) of m sites and their
-components, and makes new ones; what the factorisation needs to know of them is `told`, small beside
-the data. No function changes its arguments: a piece that is lost is made anew from the one before.
+components, and makes new ones; with them it returns what the factorisation needs to know. No
+function changes its arguments: a piece that is lost is made anew from the one before.
 """
 
 from __future__ import annotations
@@ -42,12 +42,10 @@ class Deflated:
     Args:
         C: (k, m·D) components so far.
         squares: (m,) squared residual of each site.
-        told: the site of the largest one.
     """
 
     C: NDArray
     squares: FloatArray
-    told: Residual
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,16 +56,14 @@ class Piece:
         C: (K, m·D) components.
         dual: (K, m·D) dual variables of ADMM, scaled.
         before: (K, m·D) components before the last fit.
-        told: sums of C.
     """
 
     C: NDArray
     dual: NDArray
     before: NDArray
-    told: Sums
 
 
-def undeflated(X: NDArray, _: None, sites: int) -> Deflated:
+def undeflated(X: NDArray, _: None, sites: int) -> tuple[Deflated, Residual]:
     """The start without components: the residual is the data."""
     squares = np.einsum("nm,nm->m", X, X, dtype=np.float64).reshape(sites, -1).sum(axis=1)
     return _deflated(X, np.zeros((0, X.shape[1]), dtype=X.dtype), squares, X[:, :0])
@@ -75,7 +71,7 @@ def undeflated(X: NDArray, _: None, sites: int) -> Deflated:
 
 def deflated(
     X: NDArray, last: Deflated, W: NDArray, locality: FloatArray, exhausted: int | None
-) -> Deflated:
+) -> tuple[Deflated, Residual]:
     """The start with one more component.
 
     With R = X − W C the residual of the components so far, a component is
@@ -104,24 +100,26 @@ def deflated(
     return _deflated(X, np.concatenate([last.C, along[None]]), squares, W)
 
 
-def _deflated(X: NDArray, C: NDArray, squares: FloatArray, W: NDArray) -> Deflated:
+def _deflated(X: NDArray, C: NDArray, squares: FloatArray, W: NDArray) -> tuple[Deflated, Residual]:
     site, D = int(squares.argmax()), X.shape[1] // len(squares)
     columns = slice(site * D, (site + 1) * D)
     residual = X[:, columns] - W @ C[:, columns]
-    return Deflated(C, squares, Residual(float(squares[site]), site, residual))
+    return Deflated(C, squares), Residual(float(squares[site]), site, residual)
 
 
-def begun(X: NDArray, start: Deflated) -> Piece:
+def begun(X: NDArray, start: Deflated) -> tuple[Piece, Sums]:
     """The piece of a greedy start."""
     return given(X, None, start.C, np.zeros_like(start.C), len(start.squares))
 
 
-def given(X: NDArray, _: None, C: NDArray, dual: NDArray, sites: int) -> Piece:
+def given(X: NDArray, _: None, C: NDArray, dual: NDArray, sites: int) -> tuple[Piece, Sums]:
     """The piece of given components and dual variables (K, m·D)."""
-    return Piece(C, dual, C, sums_of(X, C, sites))
+    return Piece(C, dual, C), sums_of(X, C, sites)
 
 
-def fitted(X: NDArray, piece: Piece, W: NDArray, scales: NDArray, penalty: NDArray) -> Piece:
+def fitted(
+    X: NDArray, piece: Piece, W: NDArray, scales: NDArray, penalty: NDArray
+) -> tuple[Piece, Sums]:
     """Fit components by ADMM, from the last round's dual variables.
 
     Args:
@@ -134,10 +132,9 @@ def fitted(X: NDArray, piece: Piece, W: NDArray, scales: NDArray, penalty: NDArr
     C = piece.C * scales[:, None]
     steps = {"strength": _PENALTY, "iterations": _ADMM_ITERATIONS}
     Z, U, sums = admm(X, W, penalty, C, piece.dual, **steps)
-    return Piece(Z, U, C, sums)
+    return Piece(Z, U, C), sums
 
 
-def reverted(X: NDArray, piece: Piece) -> Piece:
+def reverted(X: NDArray, piece: Piece, sites: int) -> tuple[Piece, Sums]:
     """The components before the last fit, with its dual variables."""
-    sites = piece.told.lengths.shape[1]
     return given(X, None, piece.before, piece.dual, sites)

@@ -20,7 +20,8 @@ from deformer.network import locality_row
 from deformer.parallel import Executor
 from deformer.training import site_pieces as pieces
 from deformer.training.admm import Sums
-from deformer.training.piecewise import Piecewise
+from deformer.training.piecewise import Change, Order, Piecewise
+from deformer.training.site_pieces import Residual
 from deformer.training.site_tiles import SiteTiles
 
 # Distances (M,) from one site to all.
@@ -185,28 +186,39 @@ class Factorisation:
 
     def start(self) -> None:
         """Initialise the unknowns by greedy deflation, see `site_pieces.deflated`."""
-        told = self._pieces.change(pieces.undeflated, lambda sites: (sites.stop - sites.start,))
+        largest = self._largest(pieces.undeflated, _number)
         for k in range(len(self.centres)):
-            tile = max(range(len(told)), key=lambda t: told[t].square)
-            site = self.data.sites(tile).start + told[tile].site
-            left, scale, _ = np.linalg.svd(told[tile].residual, full_matrices=False)
+            site, residual = largest
+            left, scale, _ = np.linalg.svd(residual, full_matrices=False)
             self.centres[k], locality = site, self._locality(site)
             self._penalty[k] = self._length_weights(locality)
             exhausted = scale[0] <= _ROUNDING * np.sqrt(len(left))
             if not exhausted:
                 self.W[:, k] = self._normalised(left[:, 0] * scale[0])
-            told = self._deflate(k, site if exhausted else None, locality)
-        self._take(self._pieces.change(pieces.begun, lambda _: ()))
+            largest = self._deflate(k, site if exhausted else None, locality)
+        self._change(pieces.begun, lambda _: ())
 
-    def _deflate(self, k: int, exhausted: int | None, locality: FloatArray) -> list[Any]:
-        """Have component k, of the weights W_k, in all pieces; their largest residuals."""
+    def _deflate(self, k: int, exhausted: int | None, locality: FloatArray) -> tuple[int, NDArray]:
+        """Have component k, of the weights W_k, in all pieces; site and residual as `_largest`."""
         W = self.W[:, : k + 1].copy()
 
         def order(sites: slice) -> tuple[Any, ...]:
             here = exhausted is not None and sites.start <= exhausted < sites.stop
             return W, locality[sites], exhausted - sites.start if here else None
 
-        return self._pieces.change(pieces.deflated, order)
+        return self._largest(pieces.deflated, order)
+
+    def _largest(self, function: Change, order: Order) -> tuple[int, NDArray]:
+        """Change a greedy start; the site of the largest residual, and the residual (N, D)."""
+        best: list[tuple[int, Residual]] = []
+
+        def take(tile: int, found: Residual) -> None:
+            if not best or found.square > best[0][1].square:
+                best[:] = [(tile, found)]
+
+        self._pieces.change(function, order, take)
+        [(tile, found)] = best
+        return self.data.sites(tile).start + found.site, found.residual
 
     def round(self) -> None:
         """Improve weights, centres and components once."""
@@ -236,12 +248,20 @@ class Factorisation:
                 state[name][:, columns].copy() for name in ("C", "dual")
             ), sites.stop - sites.start
 
-        self._take(self._pieces.change(pieces.given, order))
+        self._change(pieces.given, order)
 
-    def _take(self, told: list[Sums]) -> None:
-        """Have the sums of all pieces, which have all factors."""
-        against, gram, lengths = zip(*told, strict=True)
-        self._sums = Sums(np.sum(against, axis=0), np.sum(gram, axis=0), np.hstack(lengths))
+    def _change(self, function: Change, order: Order) -> None:
+        """Change all pieces, which then have all factors, and add up their sums."""
+        against, gram, _ = self._sums
+        against, gram, lengths = np.zeros_like(against), np.zeros_like(gram), []
+
+        def take(_: int, found: Sums) -> None:
+            np.add(against, found.against, out=against)
+            np.add(gram, found.gram, out=gram)
+            lengths.append(found.lengths)
+
+        self._pieces.change(function, order, take)
+        self._sums = Sums(against, gram, np.hstack(lengths))
         self._scales = np.ones_like(self._scales)
 
     def _length_weights(self, locality: FloatArray) -> FloatArray:
@@ -316,9 +336,11 @@ class Factorisation:
         """
         old = self.objective()
         W, scales = self.W.copy(), self._scales
-        told = self._pieces.change(
-            pieces.fitted, lambda sites: (W, scales, self._penalty[:, sites].copy())
-        )
-        self._take(told)
+        self._change(pieces.fitted, lambda sites: (W, scales, self._penalty[:, sites].copy()))
         if self.objective() > old:
-            self._take(self._pieces.change(pieces.reverted, lambda _: ()))
+            self._change(pieces.reverted, _number)
+
+
+def _number(sites: slice) -> tuple[int]:
+    """The number of sites, as an order."""
+    return (sites.stop - sites.start,)
