@@ -94,7 +94,8 @@ def cases(size: Size, options) -> dict:
         if options.both:
             codes = np.load(one["codes"])
             whole = run(path, 1e12, size, options)
-            one["ratio"] = one["seconds"] / whole["seconds"]
+            for name in ("seconds", "processor"):
+                one[f"ratio of {name}"] = one[name] / whole[name]
             one["differ"] = float(np.abs(codes - np.load(whole["codes"])).max())
     return one
 
@@ -186,8 +187,10 @@ def trainings(found: dict[Size, dict]) -> Table:
     for one in found.values():
         sizes = [str(one[name]) for name in ("shapes", "vertices", "components")]
         figures = [f"{one[name]:.4g}" for name in OF_TRAINING]
-        both = [f"{one['ratio']:.2f}", f"{one['differ']:.1e}"] if "ratio" in one else ["", ""]
-        table.add_row(*sizes, *figures, *both)
+        if "differ" in one:
+            ratios = [f"{one[f'ratio of {name}']:.2f}" for name in ("seconds", "processor")]
+            figures += [*ratios, f"{one['differ']:.1e}"]
+        table.add_row(*sizes, *figures)
     return table
 
 
