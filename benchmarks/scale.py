@@ -36,9 +36,10 @@ OF_TRAINING = {
 }
 OF_DRAG = {
     "frame": "a frame, ms",
-    "p95": "p95",
-    "rest": "at rest",
-    "cold": "cold solve",
+    "p95": "p95, ms",
+    "rest": "at rest, ms",
+    "cold": "cold solve, ms",
+    "user": "MB a user",
 }
 
 
@@ -117,7 +118,7 @@ def measured(path: Path, limit: float, options) -> dict:
         if progress.done in (1, progress.total) or progress.done % 500 == 0:
             what = f"{progress.stage} {progress.done} of {progress.total}"
             seconds = time.perf_counter() - begun
-            print(f"{seconds:.0f} s: {what}, {peak_memory() / 1e9:.2f} GB", file=sys.stderr)
+            print(f"{seconds:.0f} s: {what}, {memory('VmHWM') / 1e9:.2f} GB", file=sys.stderr)
 
     workspace = deformer.Workspace(limit, path.parent)
     shapes = deformer.load_shapes(path, workspace=workspace)
@@ -130,7 +131,7 @@ def measured(path: Path, limit: float, options) -> dict:
     figures = {
         "seconds": time.perf_counter() - begun,
         "processor": time.process_time() - processor,
-        "peak": peak_memory() / 1e9,
+        "peak": memory("VmHWM") / 1e9,
         "codes": str(codes),
         "shapes": len(shapes),
         "vertices": len(model.reference.vertices),
@@ -160,17 +161,23 @@ def dragged(model, ends, count: int) -> dict:
         solver.solve(warm=True)
         rest = time.perf_counter() - begun
     frame, p95 = np.percentile(frames, [50, 95])
-    return {
-        name: 1e3 * seconds
-        for name, seconds in (("frame", frame), ("p95", p95), ("rest", rest), ("cold", cold))
-    }
+    times = {"frame": frame, "p95": p95, "rest": rest, "cold": cold}
+    # Solvers of other users of the same model.
+    before, others = memory("VmRSS"), [HandleSolver(model) for _ in range(4)]
+    for other in others:
+        other.set_handles(handles, path[0], hard=True)
+        other.solve()
+        other.set_handles(handles, path[1], hard=True)
+        other.solve(warm=True)
+    user = (memory("VmRSS") - before) / len(others)
+    return {name: 1e3 * seconds for name, seconds in times.items()} | {"user": user / 1e6}
 
 
-def peak_memory() -> int:
-    """Largest resident memory of this process, in bytes."""
+def memory(name: str) -> int:
+    """Resident memory of this process in bytes: now (VmRSS), or at its peak (VmHWM)."""
     # The peak that getrusage tells begins with that of the process that made the shapes.
     lines = Path("/proc/self/status").read_text().splitlines()
-    return 1024 * next(int(line.split()[1]) for line in lines if line.startswith("VmHWM:"))
+    return 1024 * next(int(line.split()[1]) for line in lines if line.startswith(f"{name}:"))
 
 
 def trainings(found: dict[Size, dict]) -> Table:
@@ -181,6 +188,7 @@ def trainings(found: dict[Size, dict]) -> Table:
         "components",
         *OF_TRAINING.values(),
         "time ratio",
+        "of processor",
         "codes differ",
     ]
     table = Table(*names, title="trainings")
@@ -190,13 +198,14 @@ def trainings(found: dict[Size, dict]) -> Table:
         if "differ" in one:
             ratios = [f"{one[f'ratio of {name}']:.2f}" for name in ("seconds", "processor")]
             figures += [*ratios, f"{one['differ']:.1e}"]
+        figures += [""] * (len(names) - 3 - len(figures))
         table.add_row(*sizes, *figures)
     return table
 
 
 def drags(found: dict[Size, dict]) -> Table:
     """A row for each number of handles, and for each model."""
-    table = Table("vertices", "components", "handles", *OF_DRAG.values(), title="drags, ms")
+    table = Table("vertices", "components", "handles", *OF_DRAG.values(), title="drags")
     first = next(iter(found))
     for size, one in found.items():
         if size.shapes != first.shapes:

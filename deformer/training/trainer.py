@@ -179,7 +179,8 @@ def train(
                 settings,
                 seed=seed,
                 device=device,
-                executor=executor,
+                # Here each round keeps all cores busy; threads would have all tiles in memory.
+                executor=None if cluster is None else executor,
                 checkpoint=folder,
                 resume=resume and folder is not None and has_trained(folder),
                 on_progress=on_progress,

@@ -6,6 +6,7 @@ import pytest
 from bars import bending_bar
 from deformer import FactorisationSettings, InputError, MeshSequence, ModelConfig, train
 from deformer.geometry import StoredShapes, map_shapes
+from deformer.parallel.threads import Threads
 from deformer.training import memory, site_tiles
 from deformer.training.training_set import TrainingSet
 from deformer.workspace import LEAST_MEMORY, StoredArray, Workspace
@@ -53,11 +54,16 @@ def test_the_model_does_not_depend_on_the_memory(tmp_path, small_parts, limit, c
         return seen[-1]
 
     monkeypatch.setattr(TrainingSet, "prepare", watched)
+    shared, share = [], Threads.share
+    monkeypatch.setattr(
+        Threads, "share", lambda self, value: shared.append(value) or share(self, value)
+    )
     filed = stored(shapes, tmp_path)
     assert isinstance(filed, StoredShapes)
     model = train(filed, **options, split=split, workspace=Workspace(limit, tmp_path))
     assert isinstance(seen[0].tiles.tiles, StoredArray) and seen[0].tiles.count > 1
     assert isinstance(seen[0].shapes, StoredShapes)
+    assert shared and not any(isinstance(value, np.ndarray) for value in shared)  # no tiles
     assert (seen[0].noise > 0) == (change is noisy)
     np.testing.assert_array_equal(model.codes, whole.codes)
     np.testing.assert_array_equal(model.weights.C, whole.weights.C)
