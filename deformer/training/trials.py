@@ -23,8 +23,9 @@ from deformer.training.cross_validation import (
 )
 from deformer.training.training_set import TrainingSet
 
-# Rounds of rigid relaxation: more of them change the errors by all noises alike.
-_RELAXATION = 10
+# Rounds of rigid relaxation: more of them change the errors by all noises alike; 10 are too few on
+# small sets.
+_RELAXATION = 20
 
 
 class Trials:
