@@ -200,6 +200,11 @@ class Workspace:
             raise InputError(f"cache: {self.folder} is no directory; create it or name another")
         self._left, self._reserved = self.limit - LEAST_MEMORY, 0.0
 
+    @property
+    def left(self) -> float:
+        """Bytes of the limit that are neither kept nor taken."""
+        return self._left
+
     def reserve(self, size: float, what: str) -> None:
         """Keep memory for what is always in memory; what was kept before is free again.
 

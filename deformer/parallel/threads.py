@@ -16,12 +16,15 @@ class Threads(InProcess):
 
     A task that waits alone runs in the thread that waits for it, on all cores. Tasks that are
     submitted meanwhile begin when the others have ended.
+
+    Args:
+        most: number of tasks that memory allows at once.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, most: int = CORES) -> None:
         """No thread is started before there are several tasks."""
         super().__init__()
-        self._ended = False
+        self._most, self._ended = min(most, CORES), False
 
     def __exit__(self, *_: object) -> None:
         """End tasks that run with their next part."""
@@ -30,11 +33,11 @@ class Threads(InProcess):
     def as_completed(self) -> Iterator[Event]:
         """As in `Executor`."""
         while self._waiting:
-            if len(self._waiting) == 1 or CORES == 1:
+            if len(self._waiting) == 1 or self._most == 1:
                 yield from super().as_completed()
                 continue
             inbox = Inbox()
-            count = min(len(self._waiting), CORES)
+            count = min(len(self._waiting), self._most)
             with ThreadPoolExecutor(count, "deformer-tasks", use_cores, (CORES // count,)) as pool:
                 try:
                     while self._waiting:

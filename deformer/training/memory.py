@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from deformer.checks import check_memory, checked_integer, shortened
 from deformer.errors import InputError
 from deformer.geometry import ShapeSequence
+from deformer.linalg import CORES
 from deformer.network import FEATURES, AdamSettings, ModelConfig
 from deformer.workspace import LARGE_SHARE, LEAST_MEMORY, Workspace
 
@@ -15,6 +16,8 @@ from deformer.workspace import LARGE_SHARE, LEAST_MEMORY, Workspace
 _OF_VERTEX, _OF_PART = 9000.0, 250e6
 # Arrays of the components' size that are in memory at once.
 _ARRAYS = 7
+# Bytes a vertex of a handle fit in a trial, the components apart.
+_OF_FIT = 1300.0
 
 
 def working_memory(vertices: int, components: int) -> float:
@@ -24,7 +27,11 @@ def working_memory(vertices: int, components: int) -> float:
         vertices: V.
         components: K.
     """
-    return _OF_PART + vertices * (_OF_VERTEX + _ARRAYS * 4 * FEATURES * components)
+    return _OF_PART + vertices * _OF_VERTEX + _components_memory(vertices, components)
+
+
+def _components_memory(vertices: int, components: int) -> float:
+    return _ARRAYS * 4.0 * FEATURES * vertices * components
 
 
 @dataclass(frozen=True)
@@ -63,13 +70,19 @@ def training_memory(shapes: int, vertices: int, components: int = 50) -> Trainin
     return TrainingMemory(least, whole, 3 * positions + 3.5 * features)
 
 
-def check_size(shapes: ShapeSequence, settings: ModelConfig, workspace: Workspace) -> None:
-    """Raise InputError for more components than features, or than memory holds.
+def reserve_memory(shapes: ShapeSequence, settings: ModelConfig, workspace: Workspace) -> int:
+    """Keep memory for what is always in memory.
 
     Args:
         shapes: the shapes of the file.
         settings: of the training.
-        workspace: keeps memory for what is always in memory.
+        workspace: has the limit.
+
+    Returns:
+        Number of trials of settings, at least 1, that the limit lets run side by side.
+
+    Raises:
+        InputError: more components than features, or than memory holds.
     """
     (N, V), K = shapes.vertices.shape[:2], settings.components
     if K > FEATURES * V:
@@ -79,10 +92,14 @@ def check_size(shapes: ShapeSequence, settings: ModelConfig, workspace: Workspac
         )
     what = f"training: {K} components, layers {settings.layers}, {V} vertices"
     if not isinstance(settings.training, AdamSettings):
-        workspace.reserve(working_memory(V, K), what)
-        return
+        needed, trial = working_memory(V, K), _OF_FIT * V + _components_memory(V, K)
+        workspace.reserve(needed, what)
+        more = min(CORES - 1, int(LARGE_SHARE * workspace.left / trial))
+        workspace.reserve(needed + more * trial, what)
+        return 1 + more
     width, mixed = max(FEATURES, *settings.layers), settings.training.mixed_shapes
     # In single precision: the components with three arrays of their size, the features of the
     # examples, of their mirror images and of mixed shapes; in double precision, K by K matrices.
     size = 4 * V * width * (4 * K + 4 * N + 2 * mixed) + 4 * 8 * K * K
     check_memory(size, what)
+    return 1

@@ -39,7 +39,7 @@ from deformer.training.checkpoints import (
 )
 from deformer.training.launch import check_alone
 from deformer.training.loop import ProgressCallback, TrainingProgress, TrainingResult
-from deformer.training.memory import check_size
+from deformer.training.memory import reserve_memory
 from deformer.training.rebuilding import held_out_error, rebuilding
 from deformer.training.settings_search import SettingsSearch
 from deformer.training.training_set import TrainingSet
@@ -129,7 +129,7 @@ def train(
     if workspace is None:
         workspace = Workspace(folder=None if folder is None else folder.absolute().parent)
     checked_instance(workspace, "workspace", Workspace, remedy="make one, or leave it out")
-    check_size(shapes, settings, workspace)
+    side_by_side = reserve_memory(shapes, settings, workspace)
     whole, seams = shapes, find_seams(shapes.vertices)
     shapes = seams.close_shapes(whole, workspace)
     split = _checked_split({} if split is None else split, len(shapes))
@@ -157,7 +157,7 @@ def train(
     with (
         locked(folder) if folder is not None else nullcontext(),
         _losses_told(),
-        Threads() if cluster is None else executor_of(cluster=cluster) as executor,
+        Threads(side_by_side) if cluster is None else executor_of(cluster=cluster) as executor,
     ):
         if folder is not None and not resume:
             check_checkpoint(folder)
