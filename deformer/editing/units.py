@@ -38,8 +38,12 @@ _OFF = 0.6
 # three large ones, are a sign of other units only where the scaled targets are this near to their
 # points on the model, in bounding diagonals; so are all targets by factors of `_EXTREME` and more.
 _MANY, _NEAR, _EXTREME = 8, 1.5, 100.0
-# Handles that are compared, and frames of a sequence.
-_COMPARED, FRAMES = 16, 25
+# Targets are in the model's units where an example, as it is, is nearly as like them as the scaled
+# model: this share of its distance from them. Fingertips of a fist are as near to each other as
+# those of an open hand in inches.
+_EXAMPLE = 0.8
+# Handles that are compared, frames of a sequence, and training shapes.
+_COMPARED, FRAMES, _EXAMPLES = 16, 25, 25
 
 
 def unit_warning(
@@ -47,8 +51,9 @@ def unit_warning(
 ) -> str | None:
     """A warning if the targets are most likely in other units than the model; else None.
 
-    The targets must be close to a scaled copy of the model's points, and remain so without any one
-    of them: handles that are dragged far, and figures that move far, are no reason to warn.
+    The targets must be close to a scaled copy of the model's points, remain so without any one of
+    them, and be less like the points of a training shape: handles that are dragged far, figures
+    that move far, and poses that bring handles together are no reason to warn.
 
     Args:
         model: the model whose vertices they are.
@@ -70,6 +75,12 @@ def unit_warning(
         return None
     frames = frames[np.unique(np.linspace(0, len(frames) - 1, FRAMES).astype(int))]
     found = [_of_frame(points, frame, diagonal) for frame in frames]
+    if any(factor is not None and 1 / _EXTREME < factor < _EXTREME for factor in found):
+        examples = chosen.at(_examples(model))
+        found = [
+            None if factor is None or _as_an_example(points, frame, factor, examples) else factor
+            for frame, factor in zip(frames, found, strict=True)
+        ]
     factors = [factor for factor in found if factor is not None]
     if not factors:
         return _of_size(frames, diagonal)
@@ -108,6 +119,32 @@ def _of_frame(P: FloatArray, Q: FloatArray, diagonal: float) -> float | None:
     return _of_positions(P, Q, diagonal) if found is None else found
 
 
+def _examples(model: DeformationModel) -> FloatArray:
+    """Training shapes (n, V, 3) as decoded: all, or some that are spread evenly over the set."""
+    rows = np.linspace(0, len(model.codes) - 1, min(_EXAMPLES, len(model.codes)))
+    return model.decode(model.codes[rows.astype(int)])
+
+
+def _as_an_example(P: FloatArray, Q: FloatArray, factor: float, examples: FloatArray) -> bool:
+    """True if targets Q (H, 3) are nearly as like an example as like the scaled points P (H, 3).
+
+    Args:
+        P, Q: points of the reference, and targets, NaN where one is not seen.
+        factor: of the targets' units.
+        examples: (n, H, 3) the points on training shapes.
+    """
+    seen = np.isfinite(Q).all(axis=1)
+    P, Q = P[seen], Q[seen]
+    off = _off(P, Q / factor) / (_span(P) or 1.0)
+    return any(_EXAMPLE * _off(E[seen], Q) <= off * _span(Q) for E in examples)
+
+
+def _off(P: FloatArray, Q: FloatArray) -> float:
+    """Distance of points P (n, 3), moved rigidly, from Q (n, 3): the root of the summed squares."""
+    R, t = procrustes(P, Q)
+    return float(np.linalg.norm(P @ R.T + t - Q))
+
+
 def _of_distances(P: FloatArray, Q: FloatArray, diagonal: float) -> float | None:
     """As `_of_frame`, by distances of the targets from each other."""
     if 1 / _LEAST_FACTOR < _span(Q) / (_span(P) or diagonal) < _LEAST_FACTOR:
@@ -123,8 +160,7 @@ def _of_distances(P: FloatArray, Q: FloatArray, diagonal: float) -> float | None
     scaled = Q / factor
     if factor < 1 and len(P) < _MANY and _largest(scaled - P) > _NEAR * diagonal:
         return None
-    R, t = procrustes(P, scaled)
-    if np.linalg.norm(P @ R.T + t - scaled) > _OFF * _span(P):
+    if _off(P, scaled) > _OFF * _span(P):
         return None
     for h in range(len(P)):
         others = ratios[(i != h) & (j != h)]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deformer import HandleSolver, Mesh, fit_sequence, unit_warning
+from deformer import HandleSolver, Mesh, fit_sequence, load_model, unit_warning
 from shapes import random_rotation, small_model
 
 HANDLES = np.arange(4, 120, 12)
@@ -77,6 +77,20 @@ def test_handles_brought_together_are_no_reason(model):
         targets = where + 0.01 * D * rng.normal(size=(len(chosen), 3))
         assert unit_warning(model, chosen, targets) is None
         assert unit_warning(model, chosen, np.zeros((len(chosen), 3))) is None
+
+
+def test_a_pose_that_brings_handles_together_is_no_reason():
+    """Fingertips of a fist, as near to each other as those of an open hand in inches."""
+    model = load_model("hand")
+    tips = [755, 867, 1353, 1553]
+    rest = model.reference.vertices[tips]
+    ways = [[3, -58, -104], [17, -65, -120], [36, -53, -106], [38, -35, -90]]  # millimetres
+    fist = np.add(rest, np.divide(ways, 1000))
+    assert unit_warning(model, tips, fist) is None
+    assert "inches" in unit_warning(model, tips, rest / 2.54)
+    poses = model.decode(model.codes[1::4])[:, tips]  # not those that the warning looks at
+    warned = [unit_warning(model, tips, pose) is not None for pose in poses]
+    assert sum(warned) <= 1
 
 
 def test_one_or_two_handles_a_thousand_times_too_far(model, shapes):
