@@ -6,6 +6,7 @@ import _thread
 import codecs
 import ctypes
 import dataclasses
+import glob
 import io
 import json
 import logging
@@ -66,13 +67,24 @@ def run(app: typer.Typer, arguments: list[str] | None = None) -> int:
     log = logging.getLogger("deformer")
     log.addHandler(_notes)
     log.setLevel(logging.INFO)
-    given = sys.argv[1:] if arguments is None else arguments
+    given = expanded(sys.argv[1:]) if arguments is None else arguments
     given = given or ["--help"]
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors=READABLE)
     with _CtrlC() as ctrl_c:
         return _status(app, given, ctrl_c)
+
+
+def expanded(arguments: list[str], windows: bool = os.name == "nt") -> list[str]:
+    """Arguments with patterns such as takes/*.json replaced by the files that match.
+
+    Shells do that, but for those of Windows. A pattern without a match stays as it is.
+    """
+    if not windows:
+        return arguments
+    found = [sorted(glob.glob(text)) or [text] for text in arguments]  # noqa: PTH207 (any path)
+    return [name for names in found for name in names]
 
 
 def _status(app: typer.Typer, given: list[str], ctrl_c: _CtrlC) -> int:

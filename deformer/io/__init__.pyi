@@ -81,6 +81,7 @@ from .row_files import (
     read_rows as read_rows,
     write_rows as write_rows,
 )
+from .system_names import folded_name as folded_name
 from .tensors import (
     read_metadata as read_metadata,
     read_tensors as read_tensors,

@@ -18,6 +18,7 @@ from pathlib import Path
 
 from deformer.checks import check_path_length, checked_path
 from deformer.errors import InputError
+from deformer.io import system_names
 
 PathLike = str | os.PathLike[str]
 
@@ -76,6 +77,9 @@ def check_parent(target: Path) -> None:
 def temporary_name(target: Path) -> Path:
     """A free name in the directory of `target`; hidden, so that no loader reads it as data."""
     check_parent(target)
+    fault = system_names.windows_fault(target.name) if system_names.WINDOWS else None
+    if fault is not None:
+        raise InputError(f"{target}: {target.name} {fault}; choose another name")
     name = f".{target.stem}-{_system()}-{os.getpid()}-{secrets.token_hex(4)}{target.suffix}"
     check_path_length(target.parent / name, "path, as that of a temporary file")
     return target.parent / name

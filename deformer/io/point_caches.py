@@ -10,6 +10,7 @@ import numpy as np
 
 from deformer.errors import InputError
 from deformer.io.atomic import check_file
+from deformer.io.system_names import folded_name
 from deformer.workspace import Empty, Rows, blocks, in_memory
 
 CACHE_SUFFIXES = (".mdd", ".pc2")
@@ -98,11 +99,15 @@ def base_of(path: Path, suffixes: tuple[str, ...]) -> Path:
     Raises:
         InputError: there is none, or several.
     """
-    found = sorted(
+    beside = sorted(
         entry
         for entry in path.parent.iterdir()
-        if entry.stem == path.stem and entry.suffix.lower() in suffixes and entry.is_file()
+        if folded_name(entry.stem) == folded_name(path.stem)
+        and entry.suffix.lower() in suffixes
+        and entry.is_file()
     )
+    # Where the system tells apart what others do not, the cache's own stem goes first.
+    found = [entry for entry in beside if entry.stem == path.stem] or beside
     if len(found) == 1:
         return found[0]
     if found:

@@ -173,9 +173,14 @@ def refuse_inputs(output: Path | None, *inputs: str | Path | None) -> None:
         return
     target = output.resolve()
     for given in filter(None, inputs):
-        source = Path(given).resolve()
-        of_model = source in target.parents and (source / "model.json").is_file()
-        if of_model or (source == target and target.exists()):
+        source = Path(given)
+        if not source.exists():
+            continue
+        # By what is on the disk, not by name: some systems ignore case.
+        there = [path for path in (target, *target.parents) if path.exists()]
+        same = next((path for path in there if path.samefile(source)), None)
+        of_model = same not in (None, target) and (source / "model.json").is_file()
+        if of_model or same == target:
             from deformer import InputError
 
             what = "is inside" if of_model else "is also the input"

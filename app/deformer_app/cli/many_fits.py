@@ -135,11 +135,13 @@ def _takes(
     named: dict[str, Path] = {}
     takes = []
     for path in paths:
-        if path.stem in named:
+        key = io.folded_name(path.stem)
+        if key in named:
             raise deformer.InputError(
-                f"{path}: its result would have the name of that of {named[path.stem]}; rename one"
+                f"{path}: its result would have the name of that of {named[key]} (some systems "
+                "ignore case); rename one"
             )
-        named[path.stem] = path
+        named[key] = path
         handles = fitting.handles_of(model, path)
         result = output / f"{path.stem}.{suffix.removeprefix('.')}"
         allowed = deformer.SEQUENCE_SUFFIXES if handles.is_sequence else io.MESH_SUFFIXES
