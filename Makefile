@@ -51,7 +51,8 @@ soak: .venv/test.stamp
 	$(CALM) $(BIN)/python benchmarks/solver_soak.py
 
 # The manual, as a folder that opens from disk: build/site/index.html. A link that leads nowhere, a
-# public name that is not there, and what would be fetched from elsewhere end it (not with --quiet).
+# public name without a page, an example or the shapes of its arrays, and what would be fetched from
+# elsewhere end it (not with --quiet).
 # The variable silences an advertisement.
 docs: .venv/docs.stamp
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict

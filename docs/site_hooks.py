@@ -25,6 +25,7 @@ from mkdocs.structure.pages import Page
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "docs"))
 import draw_architecture  # noqa: E402  (beside this file, which is in no package)
+import public_names  # noqa: E402
 
 # Files of the repository that are pages of the manual, and where.
 PAGES = {
@@ -174,8 +175,14 @@ def _listing(path: str) -> str:
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Paths of mkdocstrings are those of the repository, wherever the command was started."""
+    """Refuse public names that are not documented, before pages are made.
+
+    Paths of mkdocstrings are those of the repository, wherever the command was started.
+    """
     os.chdir(ROOT)
+    faults = public_names.faults()
+    if faults:
+        raise PluginError("\n".join(["the API is not documented:", *faults]))
     return config
 
 
