@@ -8,10 +8,11 @@ from PIL import Image, ImageDraw, ImageFont
 
 from deformer import DeformationModel, Layout, vertex_normals
 from deformer_app.rendering.camera import aim
+from deformer_app.rendering.framing import trimmed, with_bar
 from deformer_app.rendering.offscreen import HandleGlyphs, Layer, Picture, contact_sheet, render
 from deformer_app.rendering.palette import HEAT, INK
 
-_SIZE, _BAR = (760, 860), 150  # pixels of a view, and of its width that the colour bar takes
+_SIZE = (760, 860)  # pixels of a view
 _VIEWS = {"front": 20.0, "back": 200.0}  # azimuths in degrees
 _TEXT = 17  # height of a number in pixels
 _FACING = 0.15  # least cosine between a numbered handle's normal and the line of sight
@@ -29,34 +30,34 @@ def draw_layout(model: DeformationModel, layout: Layout) -> Picture:
     normals = vertex_normals(mesh.vertices, mesh.faces)[layout.vertices]
     up = str(model.summary.get("up", "y"))
     limit = max(float(np.quantile(layout.deviation, 0.99)), 1e-12)
-    aspect = (_SIZE[0] - _BAR) / _SIZE[1]
+    aspect = _SIZE[0] / _SIZE[1]
     cameras = [aim(mesh.vertices, up=up, aspect=aspect, azimuth=a) for a in _VIEWS.values()]
     eyes = np.array([camera.position for camera in cameras])
+    layer = Layer(
+        mesh,
+        scalars=layout.deviation,
+        title="expected deviation",
+        limits=(0.0, limit),
+        colormap=HEAT,
+        bar=False,
+    )
     pictures = []
     for camera, shown in zip(cameras, numbered(eyes, positions, normals), strict=True):
-        layer = Layer(
-            mesh,
-            scalars=layout.deviation,
-            title="expected deviation",
-            limits=(0.0, limit),
-            colormap=HEAT,
-        )
         image = Image.fromarray(render(layer, camera, _SIZE, HandleGlyphs(positions)))
         pen, font = ImageDraw.Draw(image), ImageFont.load_default(_TEXT)
         for n in np.flatnonzero(shown):
             x, y = camera.project(positions[n, None], _SIZE)[0]
-            right = x < _SIZE[0] - _BAR  # of the handle, and not on the colour bar
             pen.text(
-                (x + 9 if right else x - 9, y - 9),
+                (x + 9, y - 9),
                 str(n + 1),
                 fill=INK,
                 font=font,
-                anchor="lb" if right else "rb",
+                anchor="lb",
                 stroke_width=3,
                 stroke_fill="white",
             )
         pictures.append(np.asarray(image))
-    return contact_sheet(pictures, len(pictures), list(_VIEWS))
+    return with_bar(contact_sheet(trimmed(pictures), len(pictures), list(_VIEWS)), layer)
 
 
 def numbered(
