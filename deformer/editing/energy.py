@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from deformer.editing.bodies import Freedom, yielding_stiffness
+from deformer.editing.bodies import Freedom, Yielding
 from deformer.editing.floor import FloorTerm
 from deformer.editing.handle_errors import ModelErrors
 from deformer.editing.handle_positions import Evaluation, HandlePositions
@@ -50,8 +50,8 @@ class HandleEnergy:
     The rigid motion costs m = min(‖ω‖²/s_ω² + ‖t‖²/s_t², ‖ω‖²/S_ω² + ‖t‖²/S_t² + cost). In the
     first term the standard deviations s are those of the training shapes (`RigidPrior`), in the
     second S are those of `DIFFUSE_PRIOR`, and `diffuse_prior_cost` is the cost. With a `freedom`,
-    m = (‖ω‖²/S_ω² + ‖t‖²/S_t²) / freedom²; with the freedom "auto", m is that of
-    `yielding_stiffness`. A floor adds the squared depths of its contacts (`FloorTerm`).
+    m = (‖ω‖²/S_ω² + ‖t‖²/S_t²) / freedom²; the freedom of a body that yields has an m of its own
+    (`Yielding`). A floor adds the squared depths of its contacts (`FloorTerm`).
 
     Args:
         prior: Gaussian N(μ, Σ) of the latent code, K dimensions.
@@ -63,7 +63,7 @@ class HandleEnergy:
         targets: q (H, 3) positions of the handles.
         weights: w (H,) positive factors.
         rigid_prior: s and c; None for models without.
-        freedom: factor on the standard deviations S, or "auto"; None is the minimum above.
+        freedom: factor on the standard deviations S, or `Yielding`; None is the minimum above.
         rigid_term: index of the only term of the minimum that counts, 0 or 1; None is the minimum.
         limits: limits of bends; None for models without.
         errors: the model's own at the handles; None if τ is 0.
@@ -104,7 +104,7 @@ class HandleEnergy:
 
     def by_rigid_term(self) -> list[HandleEnergy]:
         """One energy for each term of the minimum m(ω, t); this energy is their minimum."""
-        if self.freedom == "auto":
+        if isinstance(self.freedom, Yielding):
             return [self]
         return [replace(self, rigid_term=term) for term in range(len(self._stiffnesses))]
 
@@ -276,8 +276,8 @@ class HandleEnergy:
 
     def stiffness(self, x: FloatArray) -> tuple[FloatArray, float]:
         """Weights (K+6,) of the squared unknowns at x, and the constant of the rigid term there."""
-        if self.freedom == "auto":
-            weights, constant = yielding_stiffness(Unknowns(x).motion)
+        if isinstance(self.freedom, Yielding):
+            weights, constant = self.freedom.stiffness(Unknowns(x).motion)
             return np.concatenate([np.ones(self.components), weights]), constant
         motion = Unknowns(x).motion ** 2
         return min(
@@ -289,7 +289,7 @@ class HandleEnergy:
         """Weights and constant of each term of the minimum m(ω, t)."""
         code = np.ones(self.components)
         if self.freedom is not None or self.rigid_prior is None:
-            share = 1.0 if self.freedom is None else float(self.freedom)
+            share = self.freedom if isinstance(self.freedom, float) else 1.0
             return [(np.concatenate([code, DIFFUSE_PRIOR.stiffness(share)]), 0.0)]
         terms = [
             (np.concatenate([code, self.rigid_prior.stiffness()]), 0.0),

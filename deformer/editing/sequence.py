@@ -246,7 +246,7 @@ def fit_sequence_parts(
     if backend is not None:
         checked_choice(backend, "backend", ("numba", "torch"))
     check_device(device)  # before the solver, which may compile kernels
-    if checked_freedom(freedom) is None:
+    if freedom is None:
         raise InputError("freedom: expected a number or the name of a body, got None; leave it out")
     if floor is not None:
         checked_instance(floor, "floor", Floor, remedy="make a Floor, or give None")

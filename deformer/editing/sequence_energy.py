@@ -16,7 +16,7 @@ import numpy as np
 from deformer.checks import check_memory
 from deformer.editing.acceleration import Roughness
 from deformer.editing.batch_numba import Boolean, Frames
-from deformer.editing.bodies import yielding_stiffness
+from deformer.editing.bodies import Yielding
 from deformer.editing.energy import HandleEnergy
 from deformer.editing.unknowns import MOTION, Unknowns
 from deformer.geometry import FloatArray, IntArray, log_to_rotation, right_jacobian
@@ -101,8 +101,8 @@ class SequenceEnergy:
         self._prior = np.where(self._seen, 1.0, share)[:, None]
         # Weights of squared unknowns. A body that yields has weights of its own in each frame
         # (`_prior_terms`); its accelerations are those of one that may go anywhere.
-        self._yields = energy.freedom == "auto"
-        steady = replace(energy, freedom=1.0) if self._yields else energy
+        self._yielding = energy.freedom if isinstance(energy.freedom, Yielding) else None
+        steady = replace(energy, freedom=1.0) if self._yielding else energy
         self.stiffness = steady.stiffness(np.zeros(energy.size))[0][: self.active]
         # The prior's minimum in each frame, as unknowns.
         self._centres = np.zeros((len(weights), energy.size))
@@ -213,9 +213,9 @@ class SequenceEnergy:
         """Weights (m, n) of the squared unknowns X (m, K+6), and constants (m, n) beside them."""
         weights = np.tile(self.stiffness, (len(X), 1))
         constants = np.zeros_like(weights)
-        if self._yields and self.active == self.function.size:
+        if self._yielding and self.active == self.function.size:
             for row, constant, motion in zip(weights, constants, Unknowns(X).motion, strict=True):
-                row[-MOTION:], constant[-1] = yielding_stiffness(motion)
+                row[-MOTION:], constant[-1] = self._yielding.stiffness(motion)
         return weights, constants
 
     def _moved(self, X: FloatArray, P: FloatArray) -> FloatArray:

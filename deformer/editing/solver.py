@@ -87,7 +87,8 @@ class HandleSolver:
             do, or anywhere at a cost. A number: a factor on standard deviations of 0.3 rad and one
             bounding diagonal. With 1, "moves", a single handle moves the whole shape; with 0.01,
             "stays", the shape stays about where it is and bends. "auto": it stays under gentle
-            pulls and yields to strong ones, such as those of several handles together.
+            pulls and yields to strong ones, such as those of several handles together. With
+            "stays" and "auto", a body whose examples hardly travel stays as they do (`Body`).
         misfit: τ, the model's own error at handles, in bounding diagonals, which decreases with
             the distance between them (`handle_errors`). None is the model's, for the number of
             handles (`DeformationModel.misfit_of`); 0 trusts its codes.
@@ -110,7 +111,7 @@ class HandleSolver:
         checked_flag(rigid, "rigid")
         checked_integer(relaxation, "relaxation", least=0)
         used = model.handle_noise if noise is None else noise
-        _check_parameters(used, freedom, misfit)
+        _check_parameters(used, misfit)
         compile_kernels(_KERNELS, CORES)
         self.model = model
         self.basis = HandleBasis(model.closed)
@@ -240,10 +241,11 @@ class HandleSolver:
         Raises:
             InputError: a code of another length or not finite, a number that is not positive.
         """
-        _check_parameters(noise, freedom, misfit)
+        _check_parameters(noise, misfit)
+        chosen = checked_freedom(freedom, self.model)
         if noise is not None:
             self._search.least_noise = None
-        given: dict[str, Any] = {"noise": noise, "freedom": checked_freedom(freedom)}
+        given: dict[str, Any] = {"noise": noise, "freedom": chosen}
         changes = {name: value for name, value in given.items() if value is not None}
         centre = None if mean is None else self._code(mean, "mean")
         self._search.set_prior(replace(self.energy, **changes), centre)
@@ -534,15 +536,12 @@ class HandleSolver:
         )
 
 
-def _check_parameters(
-    noise: float | None, freedom: float | Body | None, misfit: float | None
-) -> None:
+def _check_parameters(noise: float | None, misfit: float | None) -> None:
     """Raise InputError for a number that is not positive, or 0 or more; None is not checked."""
     if misfit is not None:
         checked_number(misfit, "misfit", least=0, most=LARGEST)
     if noise is not None:
         checked_number(noise, "noise", above=0, most=LARGEST)
-    checked_freedom(freedom)
 
 
 def _keeping_indices(current: list[RowPoint], wanted: list[RowPoint]) -> list[RowPoint]:

@@ -29,7 +29,7 @@ from deformer.geometry import FloatArray, IntArray, Mesh, Seams, no_seams, site_
 from deformer.model.bend_limits import BendLimits
 from deformer.model.component_names import check_names, find_component
 from deformer.model.latent_prior import LatentPrior
-from deformer.model.rigid_prior import RigidPrior
+from deformer.model.rigid_prior import RigidPrior, shrunk_deviation
 from deformer.network import ModelConfig, NetworkWeights
 
 if TYPE_CHECKING:
@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 # Modules that need numba, whose import takes as long as all others together, are imported by the
 # properties that use them: `deformer info` computes nothing and never loads it.
 
+# Examples that `DeformationModel.travel` decodes, evenly spread.
+_TRAVELLERS = 24
 # Numbers of handles that `DeformationModel.handle_misfits` are for.
 HANDLE_COUNTS = (5, 40)
 
@@ -206,6 +208,22 @@ class DeformationModel:
     def up(self) -> str:
         """Axis that points up in files that say so, "y" or "z": that of the training if it is z."""
         return "z" if self.summary.get("up") == "z" else "y"
+
+    @cached_property
+    def travel(self) -> float:
+        """How far the surface as a whole travels in the examples, in bounding diagonals.
+
+        It is the median over the vertices of their RMS distance from where they are on average: of
+        a face with a still neck, next to nothing, however far its jaw goes.
+        """
+        if self.seams:
+            return self.closed.travel
+        chosen = self.codes[:: max(len(self.codes) // _TRAVELLERS, 1)]
+        shapes = [self.decode(code) for code in chosen]
+        mean = sum(shapes, np.zeros_like(shapes[0])) / len(shapes)
+        squares = sum((np.square(p - mean).sum(axis=1) for p in shapes), np.zeros(len(mean)))
+        median = float(np.median(squares)) / len(shapes) / self.reference.bounding_diagonal**2
+        return shrunk_deviation(median, len(self.codes) - 1)
 
     @property
     def components(self) -> int:

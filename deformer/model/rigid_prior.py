@@ -133,7 +133,9 @@ def fit_rigid_prior(
         translations.append((b.mean(axis=0) - a.mean(axis=0)) / diagonal)
     Z = np.asarray(codes, dtype=np.float64)
     offset, gain, residuals = _regression(Z, np.array(translations))
-    rotation, translation = (_shrunk_deviation(np.array(x)) for x in (rotations, residuals))
+    rotation, translation = (
+        shrunk_deviation(float(np.square(x).mean()), len(rotations)) for x in (rotations, residuals)
+    )
     return RigidPrior(
         min(rotation, DIFFUSE_PRIOR.rotation),
         min(translation, DIFFUSE_PRIOR.translation),
@@ -142,10 +144,10 @@ def fit_rigid_prior(
     )
 
 
-def _shrunk_deviation(x: FloatArray) -> float:
-    """Standard deviation per axis of vectors (N, 3) about 0, with the assumed one among them."""
-    total = np.square(x).mean(axis=1).sum() + _ASSUMED_COUNT * _ASSUMED_DEVIATION**2
-    return float(np.sqrt(total / (len(x) + _ASSUMED_COUNT)))
+def shrunk_deviation(variance: float, count: int) -> float:
+    """Standard deviation of a variance of so many examples, with the assumed one among them."""
+    total = count * variance + _ASSUMED_COUNT * _ASSUMED_DEVIATION**2
+    return float(np.sqrt(total / (count + _ASSUMED_COUNT)))
 
 
 def _regression(
