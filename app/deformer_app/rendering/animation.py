@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +15,13 @@ from deformer_app.rendering.offscreen import Picture, contact_sheet
 
 
 def check_animation_path(path: Path) -> None:
-    """Raise InputError, before any work, unless `path` ends in .gif or .mp4."""
+    """Raise InputError, before any work, unless `path` ends in .gif, or .mp4 with ffmpeg."""
     if path.suffix.lower() not in (".gif", ".mp4"):
         raise InputError(f"{path}: got ending {path.suffix!r}, expected .gif or .mp4")
+    if path.suffix.lower() == ".mp4" and find_spec("imageio_ffmpeg") is None:
+        raise InputError(
+            f"{path}: MP4 needs imageio-ffmpeg; pip install imageio-ffmpeg, or write a .gif"
+        )
 
 
 def save_animation(path: Path, frames: Sequence[Picture], fps: int) -> None:
@@ -28,13 +34,17 @@ def save_animation(path: Path, frames: Sequence[Picture], fps: int) -> None:
 
     Raises:
         InputError: another ending, no frames, or MP4 without imageio-ffmpeg.
+        OSError: writing failed; it names `path`.
     """
     check_animation_path(path)
     if not len(frames):
         raise InputError(f"{path}: nothing was drawn, so there is nothing to write")
     write = _write_gif if path.suffix.lower() == ".gif" else _write_mp4
     with io.atomic_path(path) as temporary:
-        write(temporary, frames, fps)
+        try:
+            write(temporary, frames, fps)
+        except _Incomplete:
+            raise OSError(errno.EIO, "ffmpeg could not write all of it", str(path)) from None
 
 
 def side_by_side(rows: Mapping[str, Sequence[Picture]]) -> list[Picture]:
@@ -82,18 +92,34 @@ def _write_gif(path: Path, frames: Sequence[Picture], fps: int) -> None:
     )
 
 
+class _Incomplete(Exception):
+    """ffmpeg has ended before the end of a film."""
+
+
 def _write_mp4(path: Path, frames: Sequence[Picture], fps: int) -> None:
-    try:
-        import imageio_ffmpeg
-    except ImportError as error:
-        raise InputError(
-            f"{path}: MP4 needs imageio-ffmpeg; pip install imageio-ffmpeg, or write a .gif"
-        ) from error
+    import imageio_ffmpeg
+
     height, width = (2 * (n // 2) for n in frames[0].shape[:2])  # H.264 wants even sizes
+    # What ffmpeg itself says would name the temporary file.
     writer = imageio_ffmpeg.write_frames(
-        str(path), (width, height), fps=fps, quality=7, macro_block_size=2
+        str(path),
+        (width, height),
+        fps=fps,
+        quality=7,
+        macro_block_size=2,
+        ffmpeg_log_level="quiet",
     )
     writer.send(None)
     for frame in frames:
-        writer.send(np.ascontiguousarray(frame[:height, :width]))
+        try:
+            writer.send(np.ascontiguousarray(frame[:height, :width]))
+        except OSError as error:
+            raise _Incomplete from error
     writer.close()
+    # imageio-ffmpeg 0.6 does not say whether ffmpeg has failed at the end, as on a full disk.
+    try:
+        written, _ = imageio_ffmpeg.count_frames_and_secs(str(path))
+    except RuntimeError as error:
+        raise _Incomplete from error
+    if written != len(frames):
+        raise _Incomplete

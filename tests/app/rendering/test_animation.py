@@ -1,12 +1,20 @@
 """Animations: what is written is what was drawn, at the rate that was asked for."""
 
+import re
+import sys
+
 import numpy as np
 import pytest
 from PIL import Image
 
 from bars import bending_bar
 from deformer import InputError
-from deformer_app.rendering.animation import save_animation, side_by_side, there_and_back
+from deformer_app.rendering.animation import (
+    check_animation_path,
+    save_animation,
+    side_by_side,
+    there_and_back,
+)
 from deformer_app.rendering.camera import aim, eased, turntable
 from deformer_app.rendering.offscreen import render
 
@@ -61,3 +69,29 @@ def test_a_turntable_closes():
     np.testing.assert_allclose(cameras[0].position, first.position)
     step = cameras[-1].orbited(360.0 / 8, 0.0, [0.0, 1.0, 0.0])
     np.testing.assert_allclose(step.position, first.position)
+
+
+def test_mp4_without_its_library_is_refused_before_any_work(tmp_path, monkeypatch):
+    monkeypatch.setattr("deformer_app.rendering.animation.find_spec", lambda name: None)
+    with pytest.raises(InputError, match=rf"^{re.escape(str(tmp_path / 'a.mp4'))}: MP4 needs"):
+        check_animation_path(tmp_path / "a.mp4")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="files have no limits of size on Windows")
+def test_a_film_that_does_not_fit_on_the_disk_is_told_by_its_own_name(tmp_path, capfd):
+    pytest.importorskip("imageio_ffmpeg", reason="MP4 needs imageio-ffmpeg")
+    import resource
+    import signal
+
+    noise = np.random.default_rng(0).integers(0, 255, (30, 120, 160, 3), dtype=np.uint8)
+    file, before = tmp_path / "film.mp4", resource.getrlimit(resource.RLIMIT_FSIZE)
+    old = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))
+    try:
+        with pytest.raises(OSError, match="could not write") as told:
+            save_animation(file, list(noise), 25)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, old)
+    assert told.value.filename == str(file) and list(tmp_path.iterdir()) == []
+    assert ".film" not in "".join(capfd.readouterr())
