@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import deformer
-from deformer import Activations, ComponentRegion, DeformationModel
+from deformer import Activations, ComponentRegion, DeformationModel, io
 from deformer_app.viewer.changes import (
     Change,
     ComponentsNamed,
@@ -154,6 +154,10 @@ class Editor:
         self.state.viewpoint.frame(self.vertices)
         for text in restore_view(self.state, self._session.view):
             self.announce(MistakeMade(text))
+        view = io.JsonValue(self._session.view, "session", "view")
+        self.timeline.begin(view)
+        if "mirror" in view:  # sessions of earlier versions have none
+            self.mirror.restore(view["mirror"])
         self.ask(solution)
         self.announce(ModelOpened(), HistoryChanged(), HandlesChanged())
 
@@ -178,9 +182,18 @@ class Editor:
     def save_session(self, path: str | Path) -> None:
         """Write the session to a file, with the pose of its present state."""
         self.wait_for_pose()
-        self.session.view = view_as_json(self.state)
+        self.session.view = self._view_as_json()
         self.session.save(path)
         self.announce(HistoryChanged())
+
+    def _view_as_json(self) -> dict[str, Any]:
+        """Return what the session stores beside its history."""
+        loaded = self.timeline.loaded
+        return {
+            **view_as_json(self.state),
+            "mirror": self.mirror.as_json(),
+            "sequence": None if loaded is None else loaded.as_json(),
+        }
 
     def write_copy(self, path: str | Path, saved_as: Path | None = None, wait: bool = True) -> None:
         """Write the session, as `save_session` does, to a file; it still counts as unsaved.
@@ -192,7 +205,7 @@ class Editor:
         """
         if wait:
             self.wait_for_pose()
-        self.session.view = view_as_json(self.state)
+        self.session.view = self._view_as_json()
         self.session.saved_as = "" if saved_as is None else str(saved_as.resolve())
         self.session.write_copy(path)
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from deformer import DeformationModel
+from deformer import DeformationModel, io
 from deformer_app.viewer import handle_changes
 from deformer_app.viewer.changes import WaitBegun, WaitEnded
 from deformer_app.viewer.edit import Edit, Handle
 from deformer_app.viewer.live_mirror import LiveMirror
-from deformer_app.viewer.mirror_plane import MirrorPlane
+from deformer_app.viewer.mirror_plane import AXES, MirrorPlane
 from deformer_app.viewer.model_files import of_open_model
 from deformer_app.viewer.worker import in_background
 
@@ -36,9 +36,26 @@ class MirrorCommands:
         self._waiting: list[Callable[[], Any]] = []  # for the plane
 
     def begin(self, model: DeformationModel | None) -> None:
-        """Begin with another model, or without one; the live mirror is off."""
+        """Begin with another model, or without one; the live mirror is off until `restore`."""
         self._live = None if model is None else LiveMirror(MirrorPlane(model))
         self._waiting = []
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the entry in a session: whether both sides are posed at once, and the plane."""
+        on = self.is_live or self._switch_live in self._waiting
+        return {"both_sides": on, "across": self.plane.across}
+
+    def restore(self, entry: io.JsonValue) -> None:
+        """Pose as a session's entry says; the plane between the sides is found in the background.
+
+        Raises:
+            InputError: the entry is damaged.
+        """
+        on = entry["both_sides"].flag()
+        if entry["across"].value is not None:
+            self.plane.set_across(entry["across"].choice(AXES))
+        if on:
+            self.with_plane(self._switch_live)
 
     @property
     def plane(self) -> MirrorPlane:

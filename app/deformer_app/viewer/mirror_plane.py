@@ -30,10 +30,14 @@ class MirrorPlane:
 
     Args:
         model: the model of the body.
+
+    Attributes:
+        across: the axis of `set_across`; None for the body's symmetry plane.
     """
 
     def __init__(self, model: DeformationModel) -> None:
         """Store the model; its plane is found at the first use."""
+        self.across: Axis | None = None
         self._model = model
         self._found: tuple[Symmetry, Mesh] | None = None
 
@@ -54,11 +58,11 @@ class MirrorPlane:
 
     def find(self) -> None:
         """Use the body's symmetry plane, in place of any plane set before."""
-        self._found = None
+        self._found = self.across = None
 
     def set_across(self, axis: Axis) -> None:
         """Mirror about the plane through the middle of the body across an axis."""
-        self._found = self._across(axis), self._model.reference
+        self._found, self.across = (self._across(axis), self._model.reference), axis
 
     def mirrored_pose(self, vertices: ArrayLike) -> NDArray[np.float64]:
         """Return the mirror image (V, 3) of a pose (V, 3), see `deformer.mirrored_pose`."""

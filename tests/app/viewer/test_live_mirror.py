@@ -316,3 +316,33 @@ def test_both_handles_of_a_pair_are_saved(editor, tmp_path):
     editor.save_session(tmp_path / "work.json")
     assert len(Session.load(tmp_path / "work.json").edit.handles) == 2
     assert all(isinstance(h, Handle) for h in editor.edit.handles)
+
+
+def test_a_session_keeps_both_sides_and_the_plane(editor, model_path, tmp_path):
+    first, second = pair(editor)
+    editor.save_session(tmp_path / "both.json")
+    editor.mirror.switch_live()
+    editor.save_session(tmp_path / "alone.json")
+    editor.open_model(model_path, Session.load(tmp_path / "both.json"))
+    finish(editor)
+    assert editor.mirror.is_live and editor.mirror.plane.across == "x"
+    _, start = seen(editor, 0.2)
+    drag(editor, start, start + np.array([0, -40]))
+    moved = [handle for handle in editor.edit.handles if handle not in (first, second)]
+    assert len(moved) == 2, "a drag with the mouse acts on both sides"
+    editor.open_model(model_path, Session.load(tmp_path / "alone.json"))
+    assert not editor.mirror.is_live and editor.mirror.plane.across == "x"
+    editor.open_model(model_path)
+    assert not editor.mirror.is_live and editor.mirror.plane.across is None
+
+
+def test_a_session_saved_while_the_plane_is_looked_for_has_both_sides(editor, monkeypatch):
+    release, found = threading.Event(), deformer.find_symmetry
+    monkeypatch.setattr(deformer, "find_symmetry", lambda mesh: release.wait(60) and found(mesh))
+    editor.mirror.begin(editor.model)
+    editor.mirror.switch_live()
+    editor.tick()
+    assert not editor.mirror.is_live
+    assert editor.mirror.as_json() == {"both_sides": True, "across": None}
+    release.set()
+    finish(editor)

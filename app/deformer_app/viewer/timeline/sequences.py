@@ -14,11 +14,11 @@ from deformer import DeformationModel, InputError, io
 from deformer_app.viewer.edit import Edit, Handle, Orientation, point
 from deformer_app.viewer.editor import Editor
 from deformer_app.viewer.timeline.keys import LONGEST, Clip, Key, Placement, Track
+from deformer_app.viewer.timeline.loaded_meshes import LoadedMeshes
 from deformer_app.viewer.timeline.steps import change_state
 from deformer_app.viewer.worker import in_background
 
 SEQUENCE_FILES = "Sequences (*.npz *.glb *.gltf *.usd *.usda *.usdc *.mdd *.pc2 *.json)"
-_SCENES = (".glb", ".gltf")
 _HANDLES = 24  # that follow posed meshes
 _SMOOTHNESS = 10.0  # of the fit of measurements, as `deformer fit` has it
 
@@ -39,9 +39,11 @@ def load_sequence(editor: Editor, path: Path) -> Iterator[None]:
     editor.note(f"Reading {path} …")
     if path.suffix.lower() == ".json":
         handles, tracks, frames = _markers(path, model, editor.session.next_id())
-        shapes = None
+        loaded = None
     else:
-        shapes = yield from in_background(lambda: _shapes(path, model, fps))
+        loaded = yield from in_background(lambda: LoadedMeshes.load(path, model, fps))
+        shapes = loaded.shapes
+        assert shapes is not None
         vertices = yield from in_background(lambda: _chosen(model))
         seen = shapes[:, vertices]
         yield from in_background(lambda: _check_axes(path, model, vertices, seen))
@@ -51,7 +53,7 @@ def load_sequence(editor: Editor, path: Path) -> Iterator[None]:
         return
     _check_length(path, frames)
     handles, tracks = _reused(editor.edit, handles, tracks)
-    timeline.footage = shapes
+    timeline.loaded = loaded
     before, owners = timeline.clip, {track.owner for track in tracks}
     clip = replace(
         before,
@@ -124,19 +126,6 @@ def _orientation(rotation: tuple[tuple[float, ...], ...] | None) -> Orientation 
         return None
     x, y, z = (point(row) for row in rotation)
     return (x, y, z)
-
-
-def _shapes(path: Path, model: DeformationModel, fps: float) -> NDArray[np.float64]:
-    """Posed meshes (F, V, 3) of a file or directory, sampled at frames a second."""
-    # A scene's frames, not its morph targets, are a sequence.
-    found = deformer.load_shapes(path, clip=0 if path.suffix.lower() in _SCENES else None, fps=fps)
-    V, faces = len(model.reference.vertices), model.reference.faces
-    if found.vertices.shape[1] != V or not np.array_equal(found.faces, faces):
-        raise InputError(
-            f"{path}: shapes of {found.vertices.shape[1]} vertices and {len(found.faces)} faces, "
-            f"expected the model's {V} and {len(faces)} in the same order; choose another sequence"
-        )
-    return found.vertices
 
 
 def _chosen(model: DeformationModel) -> list[int]:

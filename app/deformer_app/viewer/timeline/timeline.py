@@ -15,10 +15,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deformer import io
 from deformer_app.viewer.changes import (
     Change,
     HandlesDragged,
     HistoryChanged,
+    MistakeMade,
     ModelOpened,
     PlaybackBegun,
     StepShown,
@@ -36,10 +38,12 @@ from deformer_app.viewer.timeline.keys import (
     continued,
     keys_of,
 )
+from deformer_app.viewer.timeline.loaded_meshes import LoadedMeshes
 from deformer_app.viewer.timeline.onion import Onion
 from deformer_app.viewer.timeline.playback import Playback
 from deformer_app.viewer.timeline.skins import Skins
 from deformer_app.viewer.timeline.steps import change_clip, solve_shown
+from deformer_app.viewer.worker import in_background
 
 if TYPE_CHECKING:
     from deformer_app.viewer.editor import Editor
@@ -61,7 +65,7 @@ class Timeline:
         onion: which onion skins are shown.
         selected: names of the selected keys.
         keys: sets, moves and changes keys.
-        footage: (F, V, 3) a sequence that was loaded, shown translucently; None without.
+        loaded: posed meshes that were loaded, shown translucently; None without.
     """
 
     def __init__(self, editor: Editor) -> None:
@@ -71,7 +75,7 @@ class Timeline:
         self.auto_key, self.loop = True, True
         self.onion = Onion()
         self.selected: frozenset[KeyName] = frozenset()
-        self.footage: NDArray[np.float64] | None = None
+        self.loaded: LoadedMeshes | None = None
         self.keys = KeyCommands(self, editor)
         self._editor, self._skins = editor, Skins(editor.state.view.ghosts)
         self._playback: Playback | None = None
@@ -81,6 +85,32 @@ class Timeline:
         self._planned = self._settling = False
         self._moved_at = 0.0
         editor.on_change.append(self._hear)
+
+    def begin(self, view: io.JsonValue) -> None:
+        """Begin with the meshes that a session's view names; they are loaded in the background.
+
+        Raises:
+            InputError: their entry is damaged.
+        """
+        known = "sequence" in view and view["sequence"].value is not None
+        self.loaded = LoadedMeshes.read(view["sequence"]) if known else None
+        if self.loaded is not None:
+            self._editor.run(self._load(self.loaded))
+
+    def _load(self, wanted: LoadedMeshes) -> Iterator[None]:
+        model = self._editor.model
+        found, message = yield from in_background(lambda: wanted.restored(model))
+        if self.loaded is not wanted:
+            return
+        self.loaded = found
+        if message:
+            self._editor.announce(MistakeMade(message))
+        self.tell()
+
+    @property
+    def footage(self) -> NDArray[np.float64] | None:
+        """The loaded meshes (F, V, 3), if there are any."""
+        return None if self.loaded is None else self.loaded.shapes
 
     # The clip and its playhead.
 
@@ -261,7 +291,7 @@ class Timeline:
             case ModelOpened():
                 self._cancel()
                 self._skins.forget()
-                self._fitted = self._failed = self._playback = self.footage = None
+                self._fitted = self._failed = self._playback = None
                 self.selected = frozenset()
             case HandlesDragged():
                 self._cancel()

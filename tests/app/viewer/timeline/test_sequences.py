@@ -372,3 +372,39 @@ def test_a_session_keeps_a_loaded_sequence(editor, tmp_path):
     data = json.loads((tmp_path / "work.json").read_text())
     assert len(data["tracks"]) == len(MARKERS)  # once, though two steps have them
     assert replace(loaded.clip, smoothness=10.0) == loaded.entries[-2].clip
+
+
+def test_a_session_keeps_loaded_meshes_and_tells_if_their_file_is_another_or_gone(
+    editor, heard, model_path, tmp_path
+):
+    from deformer_app.viewer.session import Session
+
+    def opened():
+        del heard[:]
+        editor.open_model(model_path, Session.load(tmp_path / "session.json"))
+        assert editor.timeline.footage is None, "they are loaded in the background"
+        finish(editor)
+        return texts(heard, MistakeMade)
+
+    shapes, faces = motion(editor.model), editor.model.reference.faces
+    file = tmp_path / "walk.npz"
+    save_shapes(file, MeshSequence(shapes, faces))
+    editor.run(load_sequence(editor, file))
+    finish(editor)
+    editor.save_session(tmp_path / "session.json")
+    assert opened() == []
+    np.testing.assert_array_equal(editor.timeline.footage, deformer.load_shapes(file).vertices)
+    save_shapes(file, MeshSequence(shapes[::-1], faces))
+    (told,) = opened()
+    assert "walk.npz" in told and "changed" in told
+    np.testing.assert_allclose(editor.timeline.footage[0], shapes[-1], atol=1e-6)
+    file.rename(tmp_path / "moved.npz")
+    (told,) = opened()
+    assert "loaded meshes" in told and "walk.npz: does not exist" in told
+    editor.save_session(tmp_path / "session.json")
+    (tmp_path / "moved.npz").rename(file)
+    opened()
+    assert editor.timeline.footage is not None, "the name of a file that was gone is kept"
+    editor.open_model(model_path)
+    finish(editor)
+    assert editor.timeline.footage is None
