@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 from vtkmodules.vtkRenderingCore import vtkActor
 
 from deformer_app.rendering.fonts import use_sans
-from deformer_app.rendering.palette import DIVERGING, HEAT, Theme
+from deformer_app.rendering.palette import DIVERGING, HEAT, Theme, rgb
 from deformer_app.viewer.colouring import Paint
 from deformer_app.viewer.patches import Patch, Patches
 
 # Options of every actor: the view alone decides when to draw, and the camera.
 _PASSIVE: dict[str, Any] = {"render": False, "reset_camera": False}
+
+_GROUND = 0.8  # opacity of the ground of the colour bar's texts
 
 
 class Surface:
@@ -186,6 +188,9 @@ class Surface:
         bar.SetVerticalTitleSeparation(10)
         for text in (bar.GetTitleTextProperty(), bar.GetLabelTextProperty()):
             use_sans(text)
+            # The surface behind them may be as bright, or as dark, as the ink.
+            text.SetBackgroundColor(*(part / 255 for part in rgb(self._theme.background)))
+            text.SetBackgroundOpacity(_GROUND)
 
 
 def _poly_data(vertices: NDArray, faces: NDArray) -> pv.PolyData:

@@ -30,4 +30,8 @@ def test_the_bar_has_the_font_of_windows_and_the_ink_of_the_theme(dark):
     for text in (bar.GetTitleTextProperty(), bar.GetLabelTextProperty()):
         assert text.GetFontFile() == sans()
         assert text.GetColor() == pytest.approx([part / 255 for part in rgb(theme.ink)], abs=0.01)
+        # The surface behind the texts may be as bright as they are.
+        ground = [part / 255 for part in rgb(theme.background)]
+        assert text.GetBackgroundColor() == pytest.approx(ground, abs=0.01)
+        assert text.GetBackgroundOpacity() >= 0.7
     plotter.close()
