@@ -9,6 +9,7 @@ import deformer
 from deformer import InputError, TrainingProgress, examine, io
 from deformer_app.viewer.training_advice import comment, suggested_components
 from deformer_app.viewer.training_estimate import TrainingEstimate
+from deformer_app.viewer.up_axis import up_axis_of
 
 
 def checkpoint_of(output: Path) -> Path:
@@ -24,7 +25,7 @@ class TrainingJob:
         output: directory that the model is written to.
         components: latent dimensions; None suits them to the number of shapes.
         epochs: steps, or None for the configuration's.
-        up: axis of the shapes that points up.
+        up: axis of the shapes that points up; None is that of `up_axis_of`.
         resume: go on from the checkpoint of a training that was stopped.
 
     Attributes:
@@ -38,7 +39,7 @@ class TrainingJob:
         output: Path,
         components: int | None,
         epochs: int | None,
-        up: str,
+        up: str | None,
         resume: bool = False,
     ) -> None:
         """Start."""
@@ -75,7 +76,9 @@ class TrainingJob:
         """True once the user has stopped it."""
         return self._stop
 
-    def _run(self, source: Path, components: int | None, epochs: int | None, up: str) -> None:
+    def _run(
+        self, source: Path, components: int | None, epochs: int | None, up: str | None
+    ) -> None:
         try:
             deformer.check_model_folder(self.output)
             with io.locked(self.output):
@@ -87,12 +90,13 @@ class TrainingJob:
                 if components is None:
                     components = suggested_components(len(shapes))
                 self.advice = comment(components, len(shapes))
+                document = deformer.load_document(source)
                 model = deformer.train(
                     shapes,
                     components,
                     epochs=epochs,
-                    up=up,
-                    document=deformer.load_document(source),
+                    up=up or up_axis_of(shapes.mesh(0), document),
+                    document=document,
                     checkpoint=checkpoint_of(self.output),
                     resume=self._resume,
                     on_progress=self._report,

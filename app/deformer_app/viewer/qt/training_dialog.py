@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtGui import QHideEvent
 from PySide6.QtWidgets import (
-    QComboBox,
     QDialog,
     QFileDialog,
     QFormLayout,
@@ -24,7 +24,9 @@ from PySide6.QtWidgets import (
 
 import deformer
 from deformer import io
+from deformer_app.rendering.palette import Theme
 from deformer_app.viewer.qt.questions import ask
+from deformer_app.viewer.qt.up_axis_field import UpAxisField
 from deformer_app.viewer.training_estimate import in_words
 from deformer_app.viewer.training_job import TrainingJob, checkpoint_of
 
@@ -43,9 +45,10 @@ class TrainingDialog(QDialog):
         take_model: called with the model's path once it has been written, and with True if the
             dialog was shown meanwhile, False if the training went on in the background.
         take_failure: called with the reason when a training in the background has failed.
+        theme: gives the colours of the picture of the first shape.
 
     Attributes:
-        shapes, output, components, epochs: fields that the user fills in.
+        shapes, output, components, epochs, up: fields that the user fills in.
         start_button, cancel_button: begin and stop the training.
         hide_button: leaves the training to the background.
         changed: emitted while the training goes on, and at its end.
@@ -60,6 +63,7 @@ class TrainingDialog(QDialog):
         parent: QWidget,
         take_model: Callable[[Path, bool], Any],
         take_failure: Callable[[str], Any],
+        theme: Callable[[], Theme],
     ) -> None:
         """Lay out."""
         super().__init__(parent)
@@ -78,8 +82,7 @@ class TrainingDialog(QDialog):
         self.epochs.setRange(0, 100_000)
         self.epochs.setSpecialValueText("as usual")
         self.epochs.setToolTip("Steps of the optimiser")
-        self._up = QComboBox()
-        self._up.addItems(["y", "z", "x", "-x", "-y", "-z"])
+        self.up = UpAxisField(theme)
         form = QFormLayout()
         folder = self._button("Folder…", self._choose_shapes)
         file = self._button("File…", self._choose_file)
@@ -88,7 +91,7 @@ class TrainingDialog(QDialog):
         form.addRow("Model", self._row(self.output, output))
         form.addRow("Components", self.components)
         form.addRow("Steps", self.epochs)
-        form.addRow("Up axis", self._up)
+        form.addRow("Up axis", self.up)
         self._bar, self.status = QProgressBar(), QLabel("Shapes must share one connectivity.")
         self.status.setWordWrap(True)
         self.status.setAlignment(Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft)
@@ -111,7 +114,7 @@ class TrainingDialog(QDialog):
         layout.addWidget(self._bar)
         layout.addWidget(self.status, 1)
         layout.addLayout(buttons)
-        self.shapes.editingFinished.connect(self._suggest_output)
+        self.shapes.editingFinished.connect(self._look_at_shapes)
         self._timer = QTimer(self)
         self._timer.timeout.connect(self._poll)
 
@@ -149,11 +152,13 @@ class TrainingDialog(QDialog):
     def choose(self, shapes: Path) -> None:
         """Fill in the shapes, and a name for the model beside them."""
         self.shapes.setText(str(shapes))
-        self._suggest_output()
+        self._look_at_shapes()
 
-    def _suggest_output(self) -> None:
-        """Name a folder for the model beside the shapes, unless the user has named one."""
+    def _look_at_shapes(self) -> None:
+        """Show the first shape, and name a folder beside it unless the user has named one."""
         shapes = self.shapes.text().strip()
+        if shapes:
+            self.up.look_at(Path(shapes))
         if shapes and self.output.text() in ("", self._suggested):
             path = Path(shapes)
             name = path.name if path.is_dir() else path.stem
@@ -189,7 +194,7 @@ class TrainingDialog(QDialog):
             output,
             self.components.value() or None,
             self.epochs.value() or None,
-            self._up.currentText(),
+            self.up.chosen,
             resume,
         )
         self._show_running(True)
@@ -282,6 +287,11 @@ class TrainingDialog(QDialog):
         if self._job is not None:
             self._job.wait(_STOPPING)
         return True
+
+    def hideEvent(self, event: QHideEvent) -> None:
+        """Free what draws the picture."""
+        self.up.close_drawing()
+        super().hideEvent(event)
 
     def _cancel_or_close(self) -> None:
         if self._job is None:

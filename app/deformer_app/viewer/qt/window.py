@@ -262,7 +262,12 @@ class Window(QMainWindow):
     def train(self) -> TrainingDialog:
         """Open the dialog that trains a model on shapes."""
         if self.training is None or self.training.ended:
-            self.training = TrainingDialog(self, self._trained.take, self._trained.take_failure)
+            self.training = TrainingDialog(
+                self,
+                self._trained.take,
+                self._trained.take_failure,
+                lambda: self.editor.state.view.theme,
+            )
             self._training_bar.follow(self.training)
         self.training.show()
         self.training.raise_()

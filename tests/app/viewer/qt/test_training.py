@@ -1,0 +1,157 @@
+"""Trainings in the window: which axis is up, and what happens at the end."""
+
+import numpy as np
+import pytest
+
+import deformer
+from person import place, rest
+from shapes import sequence
+from waiting import wait_for
+
+pytestmark = pytest.mark.window
+pytest.importorskip("PySide6", reason='needs Qt: pip install "deformer[app]"')
+pytest.importorskip("pyvistaqt", reason='needs pyvistaqt: pip install "deformer[app]"')
+
+
+@pytest.fixture
+def train(app, window, tmp_path):
+    """Trains a small model in a dialog that is hidden or not; returns where the model is."""
+
+    def run(hide, name="shapes"):
+        deformer.save_shapes(tmp_path / f"{name}.npz", sequence(3))
+        dialog = window.train()
+        dialog.choose(tmp_path / f"{name}.npz")
+        dialog.epochs.setValue(2)
+        dialog.start_button.click()
+        if hide:
+            dialog.hide_button.click()
+        wait_for(lambda: not dialog.training, app.processEvents)
+        assert dialog.ended and not dialog.isVisible()
+        return (tmp_path / f"{name}-model").resolve()
+
+    return run
+
+
+@pytest.fixture
+def offer(window):
+    return window._trained.offer
+
+
+def button(offer, title):
+    from PySide6.QtWidgets import QPushButton
+
+    return next(b for b in offer.findChildren(QPushButton) if b.text() == title)
+
+
+def test_a_training_in_the_background_ends_with_a_note_and_nothing_else(
+    app, window, train, offer, answers
+):
+    shown = window.editor.session
+    model = train(hide=True)
+    assert window.editor.session is shown and not answers.asked
+    assert offer.isVisible() and "shapes-model is trained" in offer.text
+    assert window.settings.recent[0] == str(model)
+    button(offer, "Later").click()
+    assert not offer.isVisible() and window.editor.session is shown
+    assert window.settings.recent[0] == str(model)
+
+
+def test_the_offer_opens_the_model_and_asks_for_unsaved_work_only_then(
+    app, window, train, offer, answers
+):
+    place(window, 100)
+    rest(app, window)
+    shown = window.editor.session
+    model = train(hide=False)
+    assert window.editor.session is shown and not answers.asked, "unsaved work stays"
+    answers.append("Cancel")
+    button(offer, "Open").click()
+    assert window.editor.session is shown and offer.isVisible()
+    answers.append("Discard")
+    button(offer, "Open").click()
+    wait_for(lambda: not window.editor.preparing, app.processEvents)
+    assert window.editor.session.model.path == str(model) and not offer.isVisible()
+
+
+def test_a_model_that_the_user_waits_for_is_opened(app, window, train, offer):
+    model = train(hide=False)
+    assert window.editor.session.model.path == str(model) and not offer.isVisible()
+    wait_for(lambda: not window.editor.preparing, app.processEvents)
+
+
+def test_the_start_page_offers_and_lists_the_model(app, window, train, offer):
+    window.close_model()
+    model = train(hide=True)
+    assert window.pages.currentWidget() is window.start_page and not window.editor.is_open
+    assert offer.isVisible()
+    assert window.start_page.recent[0].text().startswith(model.name)
+
+
+def test_a_failure_in_the_background_is_told_in_the_window(app, window, tmp_path):
+    dialog = window.train()
+    dialog.choose(tmp_path / "nothing.npz")
+    dialog.start_button.click()
+    dialog.hide_button.click()
+    wait_for(lambda: not dialog.training, app.processEvents)
+    assert window.notices.mistake.isVisible() and "nothing.npz" in window.notices.mistake.text
+
+
+@pytest.fixture
+def lying(tmp_path):
+    """A file of tubes along z, which lie in the window if y is up."""
+    shapes = sequence(3)
+    turned = deformer.MeshSequence(shapes.vertices[..., [1, 2, 0]], shapes.faces)
+    deformer.save_shapes(tmp_path / "lying.npz", turned)
+    return tmp_path / "lying.npz"
+
+
+def drawn(dialog):
+    """Height and width of what the picture of the first shape shows, in pixels."""
+    image = dialog.up.picture.pixmap().toImage()
+    inside = np.array(
+        [
+            [image.pixelColor(x, y).alpha() > 0 for x in range(image.width())]
+            for y in range(image.height())
+        ]
+    )
+    return np.ptp(np.flatnonzero(inside.any(axis=1))), np.ptp(np.flatnonzero(inside.any(axis=0)))
+
+
+def test_the_first_shape_stands_in_the_dialog_and_in_the_trained_model(app, window, lying):
+    dialog = window.train()
+    dialog.choose(lying)
+    wait_for(lambda: not dialog.up.looking, app.processEvents)
+    assert dialog.up.chosen == "z"
+    height, width = drawn(dialog)
+    assert height > 1.5 * width
+    dialog.up.axis.setFocus()
+    for key, axis, stands in (("Up", "y", False), ("Down", "z", True)):
+        press(dialog.up.axis, key)
+        assert dialog.up.chosen == axis
+        height, width = drawn(dialog)
+        assert (height > width) == stands
+    dialog.epochs.setValue(2)
+    dialog.start_button.click()
+    wait_for(lambda: not dialog.training, app.processEvents)
+    wait_for(lambda: not window.editor.preparing, app.processEvents)
+    assert window.editor.model.summary["up"] == "z"
+    low, high = np.ptp(window.editor.model.reference.vertices, axis=0)[[0, 2]]
+    assert window.editor.state.viewpoint.up == "z" and high > low
+
+
+def test_a_training_that_starts_before_the_shape_is_shown_guesses_alike(app, window, lying):
+    dialog = window.train()
+    dialog.choose(lying)
+    dialog.epochs.setValue(2)
+    assert dialog.up.chosen is None
+    dialog.start_button.click()
+    wait_for(lambda: not dialog.training, app.processEvents)
+    wait_for(lambda: not window.editor.preparing, app.processEvents)
+    assert window.editor.model.summary["up"] == "z"
+
+
+def press(widget, name):
+    from PySide6.QtCore import Qt
+    from PySide6.QtTest import QTest
+
+    QTest.keyClick(widget, getattr(Qt.Key, f"Key_{name}"))
