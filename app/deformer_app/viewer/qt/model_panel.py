@@ -21,6 +21,7 @@ from deformer_app.viewer.colouring import COLOURINGS
 from deformer_app.viewer.component_names import component_title
 from deformer_app.viewer.edit import BODIES, NOISE, Body
 from deformer_app.viewer.editor import Editor
+from deformer_app.viewer.pose_worker import Answer
 from deformer_app.viewer.qt.slider import Slider, geometric, geometric_position
 
 _STRENGTHS = (0.1, 10.0)  # of the prior, in multiples of the default noise, from loose to firm
@@ -49,7 +50,10 @@ class ModelPanel(QWidget):
         for widget in (QLabel("loose"), self.prior, QLabel("firm")):
             strength.addWidget(widget)
         self._body = QComboBox()
-        self._body.setToolTip("Automatic: in place under gentle pulls; strong ones move it")
+        self._body.setToolTip(
+            "Automatic: in place under gentle pulls; strong ones move it, unless most of it is "
+            "still in all examples"
+        )
         for body in BODIES:
             self._body.addItem(_BODY[body], body)
         self._body.activated.connect(
@@ -144,8 +148,14 @@ class ModelPanel(QWidget):
                 for name in names:
                     box.addItem(texts[name], name)
             box.setCurrentIndex(names.index(now) if now in names else 0)
-        answer = editor.answer
+        self._show_answer(editor.answer)
+
+    def _show_answer(self, answer: Answer | None) -> None:
+        """Show how far the newest pose is off; nothing while a model is being prepared."""
         if answer is None:
+            self._meter.setValue(0)
+            self._meter.setFormat("…")
+            self._error.setText("…")
             return
         percent = answer.off_data
         self._meter.setValue(round(min(percent, 200.0)))

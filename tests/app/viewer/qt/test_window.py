@@ -180,6 +180,22 @@ def test_the_dial_of_the_prior_decides_how_far_a_handle_is_followed(app, window)
     assert off[0] < 0.5 * off[1]
 
 
+def test_how_far_a_pose_is_off_is_blank_while_another_model_is_being_prepared(
+    app, window, model_path
+):
+    from deformer_app.viewer.qt.model_panel import ModelPanel
+
+    panel = window.docks.panel(ModelPanel)
+    rest(app, window)
+    assert panel._meter.text().endswith("% of examples")
+    window.editor.open_model(model_path)
+    panel.refresh()
+    assert window.editor.preparing and panel._meter.text() == "…" == panel._error.text()
+    wait_for(lambda: not window.editor.preparing, app.processEvents)
+    panel.refresh()
+    assert panel._meter.text().endswith("% of examples")
+
+
 def test_a_mistake_is_a_line_in_the_window_and_nothing_is_lost(app, window, tmp_path):
     window.open_session(tmp_path / "missing.json")
     told = window.notices.mistake
