@@ -52,6 +52,11 @@ class Camera:
         """Distance from the eye to the focal point."""
         return float(np.sqrt((np.subtract(self.position, self.focal) ** 2).sum()))
 
+    def from_distance(self, distance: float) -> Camera:
+        """Return the camera at another distance from its focal point."""
+        eye = np.asarray(self.focal) + distance * self.axes()[2]
+        return replace(self, position=_vector(eye))
+
     def orthographic(self) -> Camera:
         """Return the orthographic camera that shows what is at the focal point's depth alike."""
         return replace(self, height=float(self._heights(self.distance)))

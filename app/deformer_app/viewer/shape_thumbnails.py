@@ -7,13 +7,14 @@ screen; it waits while the user drags or a pose is being solved.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from deformer_app.rendering.camera import aim
+from deformer_app.rendering.camera import Camera, aim
 from deformer_app.rendering.offscreen import Picture
 from deformer_app.rendering.palette import Theme
 from deformer_app.viewer.editor import Editor
@@ -21,6 +22,7 @@ from deformer_app.viewer.shape_drawing import SUPERSAMPLING, ShapeDrawing, hidde
 from deformer_app.viewer.worker import in_background
 
 SIDE = 96  # pixels of a picture along each side
+_MARGIN = 0.02  # of a picture, left empty on each side of the largest shape
 _KEPT = 1000  # pictures in the cache, about 40 kB each
 _WAITING = 64  # requests; older ones have most likely been scrolled out of sight
 _ACTS = 0.1  # a component acts on vertices with at least this share of its largest weight
@@ -30,7 +32,7 @@ Code = tuple[float, ...]
 
 @dataclass(frozen=True)
 class Subject:
-    """What one or several pictures show, all seen by one camera.
+    """What one or several pictures show, all from one side and at one scale.
 
     Args:
         codes: latent codes (K,), one for each picture.
@@ -142,9 +144,9 @@ class Thumbnails:
         seen = shapes
         if subject.component is not None and activations is not None:
             seen = shapes[:, activations.support(subject.component) >= _ACTS]
-        camera = aim(seen, up=editor.state.viewpoint.up, azimuth=25, elevation=8, margin=0.06)
+        cameras = _alike(seen, editor.state.viewpoint.up)
         pictures = []
-        for vertices in shapes:
+        for vertices, camera in zip(shapes, cameras, strict=True):
             while not editor.at_rest:
                 yield
             if self._closed:
@@ -160,3 +162,13 @@ class Thumbnails:
             self._cache.popitem(last=False)
         for listener in tuple(self.on_drawn):
             listener(subject)
+
+
+def _alike(shapes: Sequence[NDArray[np.float64]], up: str) -> list[Camera]:
+    """Cameras that show each of several shapes (V, 3) in the middle, all at one scale.
+
+    Where the shapes are beside each other, one camera for all would show them small.
+    """
+    cameras = [aim(p, up=up, azimuth=25, elevation=8, margin=_MARGIN) for p in shapes]
+    farthest = max(camera.distance for camera in cameras)
+    return [camera.from_distance(farthest) for camera in cameras]

@@ -50,6 +50,27 @@ def test_pictures_are_drawn_once_and_tell_when_they_are_there(editor, thumbnails
     assert thumbnails.pictures(subject)[0] is first and not editor.busy
 
 
+def extent(picture):
+    """Height and width in pixels of what is not transparent, and its middle."""
+    shown = picture[..., 3] > 100
+    rows, columns = np.flatnonzero(shown.any(axis=1)), np.flatnonzero(shown.any(axis=0))
+    size = np.array([np.ptp(rows) + 1, np.ptp(columns) + 1])
+    return size, np.array([rows.mean(), columns.mean()])
+
+
+def test_shapes_that_stand_apart_fill_their_pictures_at_one_scale(editor, thumbnails, monkeypatch):
+    shapes = editor.model.reference.vertices * np.array([1.0, 0.5])[:, None, None]
+    apart = shapes + np.array([[[0.0, 0.0, 0.0]], [[0.0, 3.0, 5.0]]])
+    monkeypatch.setattr(type(editor.model), "decode", lambda model, codes: apart[: len(codes)])
+    subject = Subject(codes(editor, 0, 5))
+    thumbnails.pictures(subject)
+    finish(editor)
+    (large, first), (small, second) = map(extent, thumbnails.pictures(subject))
+    assert large.max() > 0.9 * SIDE
+    np.testing.assert_allclose(small, large / 2, atol=4)
+    np.testing.assert_allclose([first, second], SIDE / 2, atol=4)
+
+
 def test_a_component_is_shown_where_it_acts(editor, thumbnails):
     k = int(editor.activations.order[0])
     (code,) = codes(editor, 0)
