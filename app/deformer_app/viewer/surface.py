@@ -10,15 +10,13 @@ import pyvista as pv
 from numpy.typing import NDArray
 from vtkmodules.vtkRenderingCore import vtkActor
 
-from deformer_app.rendering.fonts import use_sans
-from deformer_app.rendering.palette import DIVERGING, HEAT, Theme, rgb
+from deformer_app.rendering.palette import DIVERGING, HEAT, Theme
+from deformer_app.viewer.colour_bar import ColourBar
 from deformer_app.viewer.colouring import Paint
 from deformer_app.viewer.patches import Patch, Patches
 
 # Options of every actor: the view alone decides when to draw, and the camera.
 _PASSIVE: dict[str, Any] = {"render": False, "reset_camera": False}
-
-_GROUND = 0.8  # opacity of the ground of the colour bar's texts
 
 
 class Surface:
@@ -30,12 +28,13 @@ class Surface:
 
     Attributes:
         patches: parts of the mesh in colours of their own.
+        bar: tells what the mesh's colours mean.
     """
 
     def __init__(self, plotter: Any, theme: Theme) -> None:
         """Begin without a mesh."""
         self._plotter, self._theme = plotter, theme
-        self.patches = Patches(plotter)
+        self.patches, self.bar = Patches(plotter), ColourBar(plotter)
         self._data: pv.PolyData | None = None
         self._actors: dict[str, Any] = {}
         self._paint: Paint | None = None
@@ -162,35 +161,10 @@ class Surface:
         actor = self._plotter.add_mesh(data, **style)
         actor.prop.interpolation = "Phong" if self._smooth else "Flat"
         self._actors["mesh"] = actor
-        self._add_bar()
-
-    def _add_bar(self) -> None:
-        """Draw a colour bar for what the mesh is coloured by, and no other."""
-        for title in list(self._plotter.scalar_bars.keys()):
-            self._plotter.remove_scalar_bar(title, render=False)
-        if self._paint is None:
-            return
-        bar = self._plotter.add_scalar_bar(
-            self._paint.title,
-            mapper=self._actors["mesh"].mapper,
-            vertical=True,
-            width=0.04,
-            height=0.36,
-            position_x=0.84,
-            position_y=0.3,
-            n_labels=3,
-            fmt="%.2g",
-            title_font_size=13,
-            label_font_size=12,
-            color=self._theme.ink,
-            render=False,
-        )
-        bar.SetVerticalTitleSeparation(10)
-        for text in (bar.GetTitleTextProperty(), bar.GetLabelTextProperty()):
-            use_sans(text)
-            # The surface behind them may be as bright, or as dark, as the ink.
-            text.SetBackgroundColor(*(part / 255 for part in rgb(self._theme.background)))
-            text.SetBackgroundOpacity(_GROUND)
+        if paint is None:
+            self.bar.hide()
+        else:
+            self.bar.show(paint.title, actor.mapper, self._theme)
 
 
 def _poly_data(vertices: NDArray, faces: NDArray) -> pv.PolyData:

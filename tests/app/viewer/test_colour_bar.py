@@ -30,8 +30,44 @@ def test_the_bar_has_the_font_of_windows_and_the_ink_of_the_theme(dark):
     for text in (bar.GetTitleTextProperty(), bar.GetLabelTextProperty()):
         assert text.GetFontFile() == sans()
         assert text.GetColor() == pytest.approx([part / 255 for part in rgb(theme.ink)], abs=0.01)
-        # The surface behind the texts may be as bright as they are.
-        ground = [part / 255 for part in rgb(theme.background)]
-        assert text.GetBackgroundColor() == pytest.approx(ground, abs=0.01)
-        assert text.GetBackgroundOpacity() >= 0.7
     plotter.close()
+
+
+@pytest.mark.parametrize("size", [(420, 420), (1300, 800)])
+@pytest.mark.parametrize("dark", [False, True])
+def test_the_bar_has_a_ground_of_its_own_before_a_surface_of_its_colours(dark, size):
+    """Before a bright surface, all around the texts is as the theme's background, whatever size."""
+    from deformer_app.rendering.offscreen import off_screen
+    from deformer_app.rendering.palette import DARK, LIGHT, rgb
+    from deformer_app.viewer.colouring import Paint
+    from deformer_app.viewer.surface import Surface
+
+    theme = DARK if dark else LIGHT
+    corners = np.array([[-9.0, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]])
+    with off_screen():
+        plotter = pv.Plotter(off_screen=True, window_size=list(size))
+    surface = Surface(plotter, theme)
+    surface.set_mesh(corners, np.array([[0, 1, 2], [0, 2, 3]]), np.tile([0.0, 0, 1], (4, 1)))
+    plotter.view_vector((0, 0, 1), (0, 1, 0))
+    plotter.camera.zoom(4)
+
+    def drawn():
+        plotter.render()
+        return plotter.screenshot(return_img=True).astype(int)
+
+    bright = drawn()
+    pictures = []
+    for title in ("displacement\n(model units)", "gain"):
+        surface.paint(Paint(np.zeros(4), "vertices", title, (0.0, 2.5e-4)))
+        pictures.append(drawn())
+    surface.paint(None)
+    np.testing.assert_array_equal(drawn(), bright)
+    plotter.close()
+    for picture in pictures:
+        ink = np.abs(picture - rgb(theme.ink)).max(axis=2) < 40
+        rows, columns = np.flatnonzero(ink.any(axis=1)), np.flatnonzero(ink.any(axis=0))
+        assert len(rows) and len(columns) > 20
+        assert 4 < size[0] - columns[-1] < 140, "inside the picture, beside its edge"
+        behind = picture[rows[0] - 4 : rows[-1] + 5, [columns[-1] + 3]]
+        assert np.abs(behind - rgb(theme.background)).max() < 45
+        assert np.abs(picture[rows[0] - 4, columns] - rgb(theme.background)).max() < 45
