@@ -27,7 +27,7 @@ from deformer.checks import (
     checked_path,
 )
 from deformer.editing import sequence_windows as windows
-from deformer.editing.bodies import Body, checked_freedom
+from deformer.editing.bodies import Body
 from deformer.editing.energy import HandleEnergy
 from deformer.editing.finished_windows import FinishedWindows, check_windows
 from deformer.editing.fit_memory import sequence_memory

@@ -222,8 +222,9 @@ class DeformationModel:
         shapes = [self.decode(code) for code in chosen]
         mean = sum(shapes, np.zeros_like(shapes[0])) / len(shapes)
         squares = sum((np.square(p - mean).sum(axis=1) for p in shapes), np.zeros(len(mean)))
-        median = float(np.median(squares)) / len(shapes) / self.reference.bounding_diagonal**2
-        return shrunk_deviation(median, len(self.codes) - 1)
+        variance = float(np.median(squares)) / len(shapes) / self.reference.bounding_diagonal**2
+        others = len(self.codes) - 1
+        return shrunk_deviation(others * variance, others)
 
     @property
     def components(self) -> int:

@@ -134,7 +134,8 @@ def fit_rigid_prior(
     Z = np.asarray(codes, dtype=np.float64)
     offset, gain, residuals = _regression(Z, np.array(translations))
     rotation, translation = (
-        shrunk_deviation(float(np.square(x).mean()), len(rotations)) for x in (rotations, residuals)
+        shrunk_deviation(float(np.square(x).mean(axis=1).sum()), len(x))
+        for x in (np.array(rotations), residuals)
     )
     return RigidPrior(
         min(rotation, DIFFUSE_PRIOR.rotation),
@@ -144,9 +145,9 @@ def fit_rigid_prior(
     )
 
 
-def shrunk_deviation(variance: float, count: int) -> float:
-    """Standard deviation of a variance of so many examples, with the assumed one among them."""
-    total = count * variance + _ASSUMED_COUNT * _ASSUMED_DEVIATION**2
+def shrunk_deviation(squares: float, count: int) -> float:
+    """Standard deviation by the sum of squares of so many examples, the assumed one among them."""
+    total = squares + _ASSUMED_COUNT * _ASSUMED_DEVIATION**2
     return float(np.sqrt(total / (count + _ASSUMED_COUNT)))
 
 
