@@ -172,8 +172,10 @@ def train(
             stages.save("features", examples.arrays)
         with blamed(folder if resume else None):
             if isinstance(settings.training, FactorisationSettings):
-                search = SettingsSearch(examples, settings, stages, executor, on_progress)
-                settings, noise, misfits = search.run()
+                # The search has the models of its trials, which are not kept beside the training.
+                settings, noise, misfits = SettingsSearch(
+                    examples, settings, stages, executor, on_progress
+                ).run()
                 chosen_handles = {"handle_noise": noise, "handle_misfits": misfits}
             result = examples.train_network(
                 settings,
