@@ -40,7 +40,7 @@ _OVER_RELAXATION = 1.5
 # Tension of the plate that spreads corrections at exact handles, over the reference's area.
 _TENSION = 100.0
 # Rows of the Jacobian computed at once; bounds the memory.
-_ROWS = 16
+_ROWS = 32
 
 Array = NDArray[np.float64]
 
