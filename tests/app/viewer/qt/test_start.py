@@ -37,20 +37,19 @@ def look():
 timer = QTimer()
 timer.timeout.connect(look)
 timer.start(0)
-print("session", run_editor("humanoid", None, None) is not None)
+print("session", run_editor(sys.argv[1], None, None) is not None)
 """
 
 
-def run(code, folder, display):
+def run(code, folder, display, *arguments):
     environment = {**os.environ, "DISPLAY": display, "DEFORMER_SETTINGS": str(folder)}
-    return subprocess.run(
-        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=HANG
-    )
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=HANG)
 
 
-def test_a_window_is_there_before_what_draws_and_the_editor_takes_its_place(tmp_path):
+def test_a_window_is_there_before_what_draws_and_the_editor_takes_its_place(tmp_path, saved_model):
     with virtual_display() as display:
-        done = run(WATCHER.replace("{close}", "Window"), tmp_path, display)
+        done = run(WATCHER.replace("{close}", "Window"), tmp_path, display, saved_model)
     assert done.stdout.splitlines() == [
         "_OpeningWindow False False",
         "Window True False",
@@ -58,9 +57,9 @@ def test_a_window_is_there_before_what_draws_and_the_editor_takes_its_place(tmp_
     ], done.stderr
 
 
-def test_closing_the_first_window_ends_it(tmp_path):
+def test_closing_the_first_window_ends_it(tmp_path, saved_model):
     with virtual_display() as display:
-        done = run(WATCHER.replace("{close}", "_OpeningWindow"), tmp_path, display)
+        done = run(WATCHER.replace("{close}", "_OpeningWindow"), tmp_path, display, saved_model)
     assert done.stdout.splitlines() == ["_OpeningWindow False False", "session False"], done.stderr
     assert done.returncode == 0
 
@@ -154,17 +153,18 @@ def send():
 timer = QTimer()
 timer.timeout.connect(look)
 timer.start(5)
-sys.argv[1:] = ["edit", "humanoid"]
+sys.argv.insert(1, "edit")
 main()
 """
 
 
 @pytest.mark.parametrize("moment", ["first", "edited", "question"])
-def test_ctrl_c_closes_the_window_and_keeps_the_session(tmp_path, moment):
+def test_ctrl_c_closes_the_window_and_keeps_the_session(tmp_path, saved_model, moment):
     from deformer_app.viewer.session import Session
 
     with virtual_display() as display:
-        done = run(HEED + INTERRUPTED.replace("{moment}", moment), tmp_path, display)
+        code = HEED + INTERRUPTED.replace("{moment}", moment)
+        done = run(code, tmp_path, display, saved_model)
     assert (done.returncode, done.stderr.count("\n")) == (130, 1), done.stderr
     kept = list(tmp_path.glob("autosave-*.json"))
     if moment == "first":
