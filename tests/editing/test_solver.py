@@ -690,7 +690,7 @@ def test_a_solver_with_nothing_to_do_comes_to_rest(model):
 def test_a_rest_is_never_above_the_cold_solve(model, diagonal, hard):
     """After any path, with handles that other poses also nearly meet."""
     rng = np.random.default_rng(3)
-    for _ in range(12):
+    for _ in range(5):
         vertices = rng.choice(len(model.reference.vertices), 4, replace=False)
         ends = model.reference.vertices[vertices] + 0.5 * diagonal * rng.normal(size=(4, 4, 3))
         solver = HandleSolver(model)
