@@ -40,7 +40,7 @@ try:
 except KeyboardInterrupt:
     sys.exit(130)
 """
-TRAIN = ["train", "bar.npz", "-o", "m", "--components", "3", "--epochs", "30"]
+TRAIN = ["train", "bar.npz", "-o", "m", "--components", "3", "--epochs", "10"]
 FIT = ["fit", "m", "frames.json", "-o", "poses"]
 EVALUATE = ["evaluate", "bar.npz", "-o", "out", "--methods", "pca,autoencoder", "--components", "3",
             "--protocols", "sparse_control",
@@ -92,36 +92,44 @@ def start(work):
 WORKS = {"train": TRAIN, "fit": FIT, "evaluate": EVALUATE, "save": SAVER}
 
 
-@pytest.mark.parametrize("name", WORKS)
+@pytest.fixture(scope="module", params=WORKS)
+def undisturbed(request, tmp_path_factory):
+    """A work's name, the seconds that it takes when nothing ends it, and what is there then."""
+    work = WORKS[request.param]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("undisturbed"))
+        prepare(work)
+        begun = time.monotonic()
+        process = start(work)
+        _, told = process.communicate(timeout=HANG)
+        assert process.returncode == 0, told
+        check()
+        return request.param, time.monotonic() - begun, names()
+
+
 @pytest.mark.parametrize("number", SIGNALS)
 def test_whatever_ends_it_all_files_are_whole_and_the_next_goes_on(
-    tmp_path, monkeypatch, name, number
+    tmp_path, monkeypatch, undisturbed, number
 ):
+    name, whole, written = undisturbed
     work = WORKS[name]
     rng = np.random.default_rng([*WORKS].index(name))
-    whole = None
-    for attempt in range(KILLS + 1):
+    for attempt in range(KILLS):
         folder = tmp_path / str(attempt)
         folder.mkdir()
         monkeypatch.chdir(folder)
         prepare(work)
-        begun = time.monotonic()
-        process = start(work)
-        if whole is None:  # measures how long the work takes
-            assert process.wait(HANG) == 0, process.stderr
-            whole = time.monotonic() - begun
-            written = names()
-        else:
+        with start(work) as process:
             time.sleep(rng.uniform(0.0, whole))
             process.send_signal(getattr(signal, number))
-            assert process.wait(HANG) in (0, 130, -signal.SIGKILL, -signal.SIGINT)
-            told = process.stderr.read() if process.stderr else ""
-            check()
-            again = work
-            if work == TRAIN and deformer.has_checkpoint("m.checkpoint"):
-                again = [*TRAIN, "--resume"]
-            with start(again) as next_one:
-                assert next_one.wait(HANG) == 0, (told, next_one.stderr and next_one.stderr.read())
-            assert names() == written
-        process.stderr.close() if process.stderr else None
+            _, told = process.communicate(timeout=HANG)
+        assert process.returncode in (0, 130, -signal.SIGKILL, -signal.SIGINT)
+        check()
+        again = work
+        if work == TRAIN and deformer.has_checkpoint("m.checkpoint"):
+            again = [*TRAIN, "--resume"]
+        with start(again) as process:
+            _, why = process.communicate(timeout=HANG)
+        assert process.returncode == 0, (told, why)
+        assert names() == written
         check()
