@@ -40,6 +40,7 @@ def test_shell_blocks_run(walk):
     command.write_text(
         f"#!{sys.executable}\nimport sys\n"
         f"if sys.argv[1] in ('train', 'evaluate'): sys.argv += ['--epochs', '{EPOCHS}']\n"
+        "if sys.argv[1] == 'evaluate': sys.argv += ['--tests', '2', '--counts', '5']\n"
         "from deformer_app.cli.main import main\nmain()\n"
     )
     command.chmod(0o755)
