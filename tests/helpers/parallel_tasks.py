@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from deformer.errors import InputError
+from waiting import wait_for
 
 
 def count(number):
@@ -53,13 +54,14 @@ def wait_for_ever(started):
 
 
 def measure_or_die(job, folder):
-    """As `run_job`, but the method "arap" kills its process after the first measurement."""
+    """As `run_job`, but the method "arap" kills its process once the journal has a part."""
     from deformer.evaluation.measurements import run_job  # takes seconds to import
 
+    journal = Path(folder) / "journal.jsonl"
     for found in run_job(job, folder):
         yield found
         if job.training.method == "arap":
-            time.sleep(0.5)  # until the part has gone out
+            wait_for(lambda: journal.is_file() and '"arap"' in journal.read_text())
             os.kill(os.getpid(), getattr(signal, "SIGKILL", signal.SIGTERM))
             time.sleep(60)
 
