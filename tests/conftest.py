@@ -5,12 +5,20 @@ import sys
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from deformer_app import console
 from deformer_app.cli import main as cli
 from scripts import module_of
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
+
+# How long an example takes tells of the machine. Examples are the same each time, so that a test
+# fails with the change that breaks it; `pytest --hypothesis-profile default` draws new ones.
+settings.register_profile(
+    "tests", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("tests")
 
 
 @pytest.fixture(scope="session")

@@ -82,7 +82,7 @@ def test_rigid_motion_is_one_rotation_without_stretch(name, angle, unit):
 
 
 @given(st.integers(0, 10_000), st.sampled_from(["tube", "strip", "sphere", "awkward"]))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_affine_maps_come_back_exactly(seed, name):
     """Strongly sheared and flattened ones too: reconstruction does not care how T was split.
 
@@ -140,7 +140,7 @@ def test_twist_beyond_a_turn_comes_back_in_any_unit(unit):
 
 
 @given(st.integers(0, 10_000), st.sampled_from([0.01, 0.1, 0.2]))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_any_small_disturbance_comes_back(seed, size):
     """Features hold the shape exactly as long as no rotation goes beyond a turn."""
     mesh = MESHES["sphere"]
@@ -240,7 +240,6 @@ def test_wrong_shapes_are_refused():
         features_to_gradients(np.zeros((4, 8)))
 
 
-@settings(deadline=None)
 @given(st.integers(0, 1000), st.floats(-100, 100), st.floats(1e-3, 1e3))
 def test_scaler_maps_the_range_to_its_limits_and_back(seed, shift, spread):
     q = shift + spread * np.random.default_rng(seed).normal(size=(3, 5, 9))

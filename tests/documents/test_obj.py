@@ -154,7 +154,7 @@ def files(draw):
     return b"\n".join(lines) + b"\n", np.array(vertices)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(files(), st.integers(0, 2**32 - 1))
 def test_any_file_keeps_its_text_and_gives_back_the_positions(tmp_path_factory, made, seed):
     content, vertices = made

@@ -109,7 +109,7 @@ def test_vertices_split_at_a_seam_keep_one_normal(tmp_path):
         np.testing.assert_allclose(normals[2], left, atol=1e-6)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.sampled_from(ORDERS),
     st.permutations(["x", "y", "z", "a", "b", "nx", "ny", "nz"]),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings, strategies as st
+from hypothesis import assume, given, strategies as st
 from scipy.spatial.transform import Rotation
 
 from deformer import InputError
@@ -45,7 +45,6 @@ def is_rotation(R):
     np.testing.assert_allclose(np.linalg.det(R), 1.0, atol=1e-12)
 
 
-@settings(deadline=None)
 @given(axes, angles)
 def test_exp_is_a_turn_about_its_axis(axis, angle):
     R = log_to_rotation(angle * axis)
@@ -62,7 +61,6 @@ def test_quarter_turn_about_z_takes_x_to_y():
     np.testing.assert_allclose(R @ [1, 0, 0], [0, 1, 0], atol=1e-15)
 
 
-@settings(deadline=None)
 @given(axes, angles)
 def test_log_undoes_exp_up_to_pi(axis, angle):
     r = rotation_to_log(log_to_rotation(angle * axis))
@@ -72,7 +70,6 @@ def test_log_undoes_exp_up_to_pi(axis, angle):
     np.testing.assert_allclose(r, angle * axis, rtol=1e-12, atol=3e-15 + 1e-12 * angle)
 
 
-@settings(deadline=None)
 @given(axes, st.floats(-100, 100))
 def test_exp_undoes_log_after_many_turns(axis, angle):
     R = log_to_rotation(angle * axis)
@@ -82,7 +79,6 @@ def test_exp_undoes_log_after_many_turns(axis, angle):
     np.testing.assert_allclose(log_to_rotation((angle + 2 * np.pi) * axis), R, atol=1e-12)
 
 
-@settings(deadline=None)
 @given(st.permutations([0, 1, 2]), st.tuples(*[st.sampled_from([-1.0, 1.0])] * 3))
 def test_log_of_the_rotations_of_a_cube(order, signs):
     """Half and third turns are on the borders between the cases of the formula."""
@@ -93,14 +89,12 @@ def test_log_of_the_rotations_of_a_cube(order, signs):
     np.testing.assert_allclose(np.linalg.norm(r), np.arccos((np.trace(R) - 1) / 2), atol=1e-7)
 
 
-@settings(deadline=None)
 @given(axes, angles, angles)
 def test_turns_about_one_axis_add_up(axis, a, b):
     product = log_to_rotation(a * axis) @ log_to_rotation(b * axis)
     np.testing.assert_allclose(product, log_to_rotation((a + b) * axis), atol=1e-12)
 
 
-@settings(deadline=None)
 @given(axes, angles, axes, angles)
 def test_group_axioms(u, a, w, b):
     P, Q = log_to_rotation(a * u), log_to_rotation(b * w)
@@ -121,7 +115,6 @@ def test_leading_dimensions_are_kept():
         np.testing.assert_array_equal(whole[1, 4], one)
 
 
-@settings(deadline=None)
 @given(axes, st.one_of(angles, st.floats(0, 40)), vectors)
 def test_right_jacobian_is_the_derivative_of_exp(axis, angle, direction):
     r = angle * axis
@@ -131,7 +124,6 @@ def test_right_jacobian_is_the_derivative_of_exp(axis, angle, direction):
     np.testing.assert_allclose(change, expected, atol=1e-8)
 
 
-@settings(deadline=None)
 @given(axes, st.one_of(angles, st.floats(0, 40)))
 def test_left_and_right_jacobian_differ_by_the_rotation(axis, angle):
     """exp(r) J_right(r) = J_left(r) = J_right(−r) = J_right(r)ᵀ."""
@@ -141,7 +133,6 @@ def test_left_and_right_jacobian_differ_by_the_rotation(axis, angle):
     np.testing.assert_allclose(J @ axis, axis, atol=1e-12)
 
 
-@settings(deadline=None)
 @given(axes, st.one_of(angles.filter(lambda angle: angle <= 1), st.floats(5e-5, 2e-4)))
 def test_exp_and_its_jacobian_by_their_power_series(axis, angle):
     """exp(r) = Σ [r]×ᵏ / k!, J = Σ (−[r]×)ᵏ / (k+1)!: both sides of where formulas change."""
@@ -172,7 +163,6 @@ def check_polar(T):
     np.testing.assert_allclose(smallest, sign * sigma[2], atol=1e-11)
 
 
-@settings(deadline=None)
 @given(matrices)
 def test_polar_of_any_matrix(T):
     check_polar(T)
@@ -192,14 +182,12 @@ def test_polar_of_matrices_without_a_diagonal(T):
     check_polar(np.array(T, dtype=float))
 
 
-@settings(deadline=None)
 @given(matrices, axes)
 def test_polar_of_singular_matrices(T, axis):
     for singular in (T @ (np.eye(3) - np.outer(axis, axis)), np.outer(T[0], axis)):
         check_polar(singular)
 
 
-@settings(deadline=None)
 @given(axes, angles, st.lists(st.floats(0.05, 3), min_size=3, max_size=3), axes, angles)
 def test_polar_finds_the_factors(u, a, stretches, w, b):
     R, Q = log_to_rotation(a * u), log_to_rotation(b * w)
@@ -209,7 +197,6 @@ def test_polar_finds_the_factors(u, a, stretches, w, b):
     np.testing.assert_allclose(found_S, S, atol=1e-10)
 
 
-@settings(deadline=None)
 @given(matrices)
 def test_mirrored_matrix_keeps_a_proper_rotation(T):
     mirrored = T if np.linalg.det(T) < 0 else -T
@@ -241,7 +228,6 @@ def test_polar_of_nothing_is_a_rotation():
     np.testing.assert_array_equal(S, 0)
 
 
-@settings(deadline=None)
 @given(axes, angles, vectors, st.integers(0, 1000), st.sampled_from([1e-6, 1.0, 1e6]))
 def test_procrustes_recovers_a_rigid_motion(axis, angle, move, seed, unit):
     rng = np.random.default_rng(seed)
@@ -272,7 +258,6 @@ def test_procrustes_listens_to_the_weights():
         np.testing.assert_allclose(one, other, atol=1e-12)
 
 
-@settings(deadline=None)
 @given(st.integers(0, 1000))
 def test_procrustes_is_not_beaten_by_its_neighbours(seed):
     """No rotation near the answer is better, mirrored and noisy targets included."""
@@ -371,7 +356,6 @@ def test_procrustes_of_many_sets_is_that_of_each():
     np.testing.assert_allclose(R[:, 1], np.tile(np.eye(3), (5, 1, 1)), atol=1e-12)
 
 
-@settings(deadline=None)
 @given(axes, axes, st.floats(0, 3.0), st.lists(st.floats(-0.5, 1.5), max_size=4))
 def test_interpolated_rotations_turn_at_constant_speed_about_one_axis(a, b, angle, shares):
     """Against the definition: the start, turned by a share of the angle about the axis."""

@@ -74,7 +74,6 @@ def check_equal(path):
 @settings(
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
     max_examples=40,
-    deadline=None,
 )
 @given(data=FILES, indent=st.sampled_from([None, 1]), ascii_only=st.booleans(),
        encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "utf-32-le"]))  # fmt: skip

@@ -100,7 +100,7 @@ def sequences(draw):
     return MeshSequence(positions, faces)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(sequences(), st.sampled_from(["a.npz", "obj", "ply", "off"]))
 def test_any_sequence_survives(tmp_path_factory, shapes, name):
     target = tmp_path_factory.mktemp("any") / name
@@ -110,7 +110,7 @@ def test_any_sequence_survives(tmp_path_factory, shapes, name):
     assert back.faces.tobytes() == shapes.faces.tobytes()
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(sequences())
 def test_any_mesh_survives_glb_as_float32(tmp_path_factory, shapes):
     mesh = Mesh(np.clip(shapes.vertices[0], -1e30, 1e30), shapes.faces)
@@ -669,7 +669,7 @@ def test_missing_paths(tmp_path):
     assert str(tmp_path) in refusal(io.load_mesh, tmp_path)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(data=st.data(), suffix=st.sampled_from(["obj", "ply", "off", "stl", "glb", "npz"]))
 def test_damaged_files_load_or_are_refused_and_nothing_else(tmp_path_factory, data, suffix):
     folder = tmp_path_factory.mktemp("damaged")

@@ -83,7 +83,7 @@ def test_ears_of_a_cross_cover_it_once(start, reverse):
     np.testing.assert_allclose(found.sum(), 5)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(4, 40), st.integers(0, 10**6))
 def test_any_star_is_covered_once(count, seed):
     rng = np.random.default_rng(seed)

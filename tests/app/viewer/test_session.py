@@ -48,7 +48,7 @@ def test_a_drag_that_comes_to_nothing_is_no_entry():
     assert len(work.entries) == 1 and not work.under_way
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.lists(st.sampled_from(["do", "undo", "redo", "revert"]), max_size=40))
 def test_history_is_a_list_with_a_cursor(steps):
     """Against the plainest model: a list of states, cut off after the cursor by a new one."""

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, strategies as st
 from scipy.spatial.transform import Rotation
 
 from deformer_app.viewer.edit import Edit, Handle
@@ -58,7 +58,6 @@ def test_an_eased_motion_goes_through_a_key_without_a_stop_and_rests_at_an_extre
     assert extreme([10])[0, 0] - extreme([9.5])[0, 0] < 0.01
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 60), numbers, st.booleans()), min_size=1, max_size=8))
 def test_a_curve_has_the_keys_values_and_never_leaves_the_range_of_two_keys(keys):
     by_frame = {frame: (value, straight) for frame, value, straight in keys}
