@@ -23,7 +23,7 @@ pytest.importorskip("pyvistaqt", reason='needs pyvistaqt: pip install "deformer[
 SOAK = """
 import sys
 from viewer_soak import soak
-failures, _ = soak(sys.argv[1], 400, 3, lambda line: None)
+failures, _ = soak(sys.argv[1], 150, 3, lambda line: None)
 for failure in failures:
     print(failure)
 sys.stdout.flush()
