@@ -3,6 +3,7 @@
 import os
 import signal
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,14 +15,31 @@ from shapes import small_model
 from waiting import HANG, wait_for
 
 FRAMES = 2000
+# What is to be killed must not end before, however late the killer looks.
+HELD = """
+import time
+from deformer.editing.finished_windows import FinishedWindows
+from deformer_app.entry import main
+
+save, saved = FinishedWindows.save, []
+
+def hold(*arguments):
+    save(*arguments)
+    saved.append(arguments)
+    if len(saved) == 3:
+        time.sleep(600)
+
+FinishedWindows.save = hold
+main()
+"""
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(os.name == "nt", reason="POSIX signals"),
 ]
 
 
-def command(output):
-    return [*DEFORMER, "fit", "m", "frames.json", "-o", output, "--memory", "700MB"]
+def command(output, program=DEFORMER):
+    return [*program, "fit", "m", "frames.json", "-o", output, "--memory", "700MB"]
 
 
 def test_a_killed_fit_goes_on_and_writes_the_same_file(tmp_path, monkeypatch):
@@ -44,7 +62,8 @@ def test_a_killed_fit_goes_on_and_writes_the_same_file(tmp_path, monkeypatch):
     def kept():
         return {path.name: path.stat().st_mtime_ns for path in folder.glob("fit-*")}
 
-    with subprocess.Popen(command(name), stdout=subprocess.DEVNULL) as process:
+    held = command(name, [sys.executable, "-c", HELD])
+    with subprocess.Popen(held, stdout=subprocess.DEVNULL) as process:
         wait_for(lambda: len(kept()) > 1 or process.poll() is not None)
         process.send_signal(signal.SIGKILL)
         assert process.wait(HANG) == -signal.SIGKILL
