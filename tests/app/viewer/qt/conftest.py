@@ -12,7 +12,8 @@ from windows import new_window
 
 @pytest.fixture(scope="module")
 def display():
-    with virtual_display("xdotool") as name:
+    # A small screen: without a graphics card, each pixel of the window takes its time.
+    with virtual_display("xdotool", size=(1280, 720)) as name:
         yield name
 
 
