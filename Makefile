@@ -15,23 +15,25 @@ edit: .venv/run.stamp
 # Threads that spin while they wait would take the cores from the other workers.
 CALM := OMP_WAIT_POLICY=PASSIVE OPENBLAS_NUM_THREADS=1
 QUICK := -m "not slow and not window"
+# All tests of a file by one worker: what they share is made once.
+SPREAD := -n $(WORKERS) --dist loadfile
 
 test: .venv/test.stamp
-	$(CALM) $(BIN)/pytest -n $(WORKERS)
+	$(CALM) $(BIN)/pytest $(SPREAD)
 
 test-quick: .venv/test.stamp
-	$(CALM) $(BIN)/pytest -n $(WORKERS) $(QUICK)
+	$(CALM) $(BIN)/pytest $(SPREAD) $(QUICK)
 
 # The oldest versions of what pyproject.toml asks for. Numba keeps one version's kernels a folder.
 test-oldest: .venv-oldest/test.stamp
-	$(CALM) NUMBA_CACHE_DIR=$(CURDIR)/.venv-oldest/kernels .venv-oldest/bin/pytest -n $(WORKERS)
+	$(CALM) NUMBA_CACHE_DIR=$(CURDIR)/.venv-oldest/kernels .venv-oldest/bin/pytest $(SPREAD)
 
 # Kernels, BLAS and torch of older processors, which round differently; one core in place of all.
 test-processors: .venv/test.stamp
 	NUMBA_CPU_NAME=haswell OPENBLAS_CORETYPE=Haswell ATEN_CPU_CAPABILITY=avx2 \
-	  NUMBA_CACHE_DIR=$(CURDIR)/.venv/kernels-haswell $(CALM) $(BIN)/pytest -n $(WORKERS) $(QUICK)
+	  NUMBA_CACHE_DIR=$(CURDIR)/.venv/kernels-haswell $(CALM) $(BIN)/pytest $(SPREAD) $(QUICK)
 	NUMBA_CPU_NAME=generic OPENBLAS_CORETYPE=Nehalem ATEN_CPU_CAPABILITY=default \
-	  NUMBA_CACHE_DIR=$(CURDIR)/.venv/kernels-generic $(CALM) $(BIN)/pytest -n $(WORKERS) $(QUICK)
+	  NUMBA_CACHE_DIR=$(CURDIR)/.venv/kernels-generic $(CALM) $(BIN)/pytest $(SPREAD) $(QUICK)
 	OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 taskset -c 0 $(BIN)/pytest $(QUICK)
 
 # Other programs read what this one writes: Blender as a Python module (3.11), and, in
