@@ -27,6 +27,12 @@ _PATIENCE = 60
 _LOCAL = "local:"
 # Most workers of `local:N`.
 _MOST_LOCAL = 1000
+_SETTINGS = {
+    "distributed.admin.large-graph-warning-threshold": "1TB",
+    # Dask gives up a local worker that died if the next one takes longer than 15 s to start, as on
+    # a busy machine. With the last one given up, no task would ever end.
+    "distributed.deploy.lost-worker-timeout": "1 day",
+}
 
 _log = logging.getLogger("deformer")
 
@@ -73,9 +79,7 @@ class Cluster:
         with self._stack as stack:
             # What concerns the user is told here, in one line.
             stack.enter_context(silence_logging_cmgr(logging.CRITICAL))
-            stack.enter_context(
-                dask.config.set({"distributed.admin.large-graph-warning-threshold": "1TB"})
-            )
+            stack.enter_context(dask.config.set(_SETTINGS))
             # Its methods are declared as what they are in asynchronous code.
             self._client: Any = stack.enter_context(self._connected(stack))
             self._check_workers()

@@ -24,6 +24,28 @@ def die(number):
     time.sleep(60)
 
 
+def die_on_worker(number):
+    """As `die`, on a worker of Dask."""
+    yield from count(number)
+    wait_for_nanny()
+    os.kill(os.getpid(), getattr(signal, "SIGKILL", signal.SIGTERM))
+    time.sleep(60)
+
+
+def wait_for_nanny():
+    """Wait until the nanny has seen its worker start: it gives up on one that dies before."""
+    import distributed
+
+    own = [distributed.get_worker().address]
+    with distributed.worker_client(separate_thread=False) as client:
+        wait_for(lambda: all(client.run(_watches, nanny=True, workers=own).values()))
+
+
+def _watches(dask_worker):
+    """Called in a nanny."""
+    return dask_worker.process.status.name == "running"
+
+
 def refuse(text):
     """Yields once and raises."""
     yield 0
@@ -67,11 +89,12 @@ def measure_or_die(job, folder):
 
 
 def die_once(number, died):
-    """As `count`; the first process that runs it ends after two parts."""
+    """As `count`, on a worker of Dask; the first that runs it ends after two parts."""
     for part in count(number):
         yield part
         if part == [1] and not Path(died).exists():
             Path(died).touch()
+            wait_for_nanny()
             time.sleep(0.5)  # until the parts have gone out
             os.kill(os.getpid(), getattr(signal, "SIGKILL", signal.SIGTERM))
             time.sleep(60)

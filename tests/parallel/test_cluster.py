@@ -28,14 +28,26 @@ def cluster():
     import dask.config
     import distributed
 
-    with (
+    settings = {
         # A task is given up after two workers, and not after four, which would take longer.
-        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
+        "distributed.scheduler.allowed-failures": 1,
+        # No worker is given up, however long the next one takes to start.
+        "distributed.deploy.lost-worker-timeout": "1 day",
+    }
+    with (
+        dask.config.set(settings),
         distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, memory_limit=0, dashboard_address="127.0.0.1:0"
         ) as made,
     ):
         yield made
+
+
+def watched(cluster):
+    """Processes of all workers, once their nannies have seen them start: see `wait_for_nanny`."""
+    nannies = cluster.workers.values()
+    wait_for(lambda: all(n.process and n.process.status.name == "running" for n in nannies))
+    return [nanny.pid for nanny in nannies]
 
 
 def outcomes(executor):
@@ -79,7 +91,7 @@ def test_a_worker_that_dies_is_survived(cluster, tmp_path):
 
 def test_a_task_that_kills_every_worker_fails_alone(cluster):
     with executor_of(cluster=cluster.scheduler_address) as executor:
-        bad, good = executor.submit(tasks.die, 1), executor.submit(tasks.count, 3)
+        bad, good = executor.submit(tasks.die_on_worker, 1), executor.submit(tasks.count, 3)
         found = outcomes(executor)
     end = found[bad][1]
     assert isinstance(end, Failed) and isinstance(end.error, WorkerLost)
@@ -134,9 +146,8 @@ def test_an_evaluation_gives_the_same_when_a_worker_dies(cluster, study, alone, 
     def report(done, total, text):
         told.append((done, total))
         if done == 2 and not killed:
-            (busy,) = list(cluster.workers.values())[:1]
-            killed.append(busy.pid)
-            os.kill(busy.pid, signal.SIGKILL)
+            killed.append(watched(cluster)[0])
+            os.kill(killed[0], signal.SIGKILL)
 
     rows = evaluate([study], tmp_path, report=report, cluster=cluster.scheduler_address)
     assert killed and [done for done, _ in told] == list(range(told[-1][1] + 1))
@@ -158,9 +169,8 @@ def test_what_is_kept_outlives_the_worker_that_had_it(cluster):
         (first,) = results(executor, [executor.keep(tasks.squares, 4)])
         grown = results(executor, [executor.keep(tasks.appended, first, n) for n in (16, 25)])
         assert not isinstance(grown[0], list), "a stand-in"
-        for worker in list(cluster.workers.values()):
-            if worker.pid:  # else it begins anew
-                os.kill(worker.pid, signal.SIGKILL)
+        for process in watched(cluster):
+            os.kill(process, signal.SIGKILL)
         found = results(executor, [executor.submit(tasks.total, one, 1) for one in grown])
     assert found == [30.0, 39.0]
 
@@ -181,7 +191,7 @@ def test_a_training_gives_the_same_when_a_worker_dies(cluster, small_tiles, tmp_
     def report(progress):
         told.append(progress)
         if progress.stage not in {*killed, "features"} and progress.done == 3:
-            killed[progress.stage] = next(w.pid for w in cluster.workers.values() if w.pid)
+            killed[progress.stage] = watched(cluster)[0]
             os.kill(killed[progress.stage], signal.SIGKILL)
 
     there = {"cluster": cluster.scheduler_address, "on_progress": report}
@@ -206,6 +216,15 @@ def test_local_workers_end_with_the_block():
         (_, end) = outcomes(executor)[task]
     with pytest.raises(ProcessLookupError):
         os.kill(end.result, 0)
+
+
+def test_a_local_worker_that_dies_is_replaced_however_long_that_takes(tmp_path):
+    import dask.config
+
+    soon = {"distributed.deploy.lost-worker-timeout": "1 ms"}  # of Dask's own patience
+    with dask.config.set(soon), executor_of(cluster="local:1") as executor:
+        task = executor.submit(tasks.die_once, 3, str(tmp_path / "died"))
+        assert outcomes(executor)[task] == ([[0], [1], [2]], Done(task, 3))
 
 
 @pytest.mark.parametrize(
