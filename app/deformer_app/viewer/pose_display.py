@@ -197,7 +197,8 @@ class PoseDisplay:
         )
         if answer.paint is not None:
             self._state.show_paint(answer.paint)
-        if answer.final and answer.request.solution is None:
+        known = answer.request.solution
+        if answer.final and (known is None or not known.final):
             self._session.solved(answer.request.edit, answer.solution)
         self._state.invalidate()
         self._announce(PoseChanged())

@@ -149,6 +149,22 @@ def test_undo_and_redo_give_the_very_poses_back(editor):
         np.testing.assert_allclose(editor.vertices, expected, atol=1e-6)
 
 
+def test_a_pose_that_was_not_at_rest_is_stored_when_it_is(editor):
+    """Undone and redone while it settles, a drag goes on from where it was, and ends elsewhere."""
+    editor.handles.place(100)
+    finish(editor)
+    editor.handles.move_selected(translation([0.3, 0.2, 0.1]))
+    editor.commit("Drag")
+    finish(editor)
+    early = replace(editor.answer.solution, z=editor.edit.base, final=False)
+    editor.restore("Step", replace(editor.edit, noise=0.02), early)
+    finish(editor)
+    assert editor.answer.final
+    assert editor.session.entry.solution == editor.answer.solution
+    found = replay(editor.session, editor.model).vertices
+    np.testing.assert_allclose(found, editor.vertices, atol=1e-6)
+
+
 def test_escape_takes_a_drag_back(editor):
     before = editor.vertices.copy()
     _, at = seen(editor, 0.95)
