@@ -27,6 +27,9 @@ from deformer.training.training_set import TrainingSet
 # small sets.
 _RELAXATION = 20
 
+# λ₁ and the shapes that a model is trained on.
+Key = tuple[float | None, bytes]
+
 
 class Trials:
     """Has an executor train models on most of the examples, and recover the others.
@@ -46,7 +49,7 @@ class Trials:
         self._examples, self._executor, self._report = examples, executor, report
         self._shared: Any = None
         # Stand-ins for models, by λ₁ and the shapes to train on.
-        self._models: dict[tuple[float | None, bytes], Any] = {}
+        self._models: dict[Key, Any] = {}
 
     def noise_errors(
         self, configs: Sequence[ModelConfig], noises: Sequence[float]
@@ -84,7 +87,9 @@ class Trials:
         N = len(shapes)
         held_out = held_out_turns(N)
         kept = [np.setdiff1d(np.arange(N), held_out[turn]) for turn in turns]
-        models = self._trained([(config, indices) for indices in kept])
+        asked = [(config, indices) for indices in kept]
+        self._keep([_key(*job) for job in asked])
+        models = self._trained(asked)
         jobs = [
             (model, misfit_recoveries(shapes, geodesics, turn))
             for model, turn in zip(models, turns, strict=True)
@@ -94,11 +99,15 @@ class Trials:
 
     def forget(self, sparsity: float) -> None:
         """Drop the models of other values of λ₁ than this one."""
-        self._models = {key: model for key, model in self._models.items() if key[0] == sparsity}
+        self._keep([key for key in self._models if key[0] == sparsity])
+
+    def _keep(self, keys: list[Key]) -> None:
+        """Drop all models but these: one of many vertices takes a gigabyte with its solver."""
+        self._models = {key: model for key, model in self._models.items() if key in keys}
 
     def _trained(self, jobs: list[tuple[ModelConfig, IntArray]]) -> list[Any]:
         """Stand-ins for models of configurations, trained on the shapes at indices (n,)."""
-        keys = [(config.training.sparsity, indices.tobytes()) for config, indices in jobs]
+        keys = [_key(*job) for job in jobs]
         if self._shared is None:
             self._shared = self._executor.share(self._examples)
         missing = {}
@@ -152,6 +161,10 @@ class Trials:
             yield tasks.index(task), result
         if done < work:
             self._report(work - done)
+
+
+def _key(config: ModelConfig, indices: IntArray) -> Key:
+    return config.training.sparsity, indices.tobytes()
 
 
 def train_trial(
