@@ -240,8 +240,10 @@ def checked_array(
         raise InputError(f"{name}: expected {_shapes(shapes)}, got {array.shape}; {remedy}")
     array = array.astype(np.float64, copy=False)
     if finite:
-        bad = ~(np.abs(array) <= min(largest, np.finfo(float).max))
-        refuse_bad(name, array, bad, largest, remedy=remedy)
+        bound = min(largest, np.finfo(float).max)
+        # Without an array of the same size, unless there is something to tell.
+        if array.size and not (-bound <= array.min() and array.max() <= bound):
+            refuse_bad(name, array, ~(np.abs(array) <= bound), largest, remedy=remedy)
     return array
 
 

@@ -117,13 +117,14 @@ class Decoder:
         self.components = C.shape[2]
         self.vertex_count = len(rows) if not self._layers else len(self._layers[-1].own)
         point, neighbour, self.base = convs[0]
-        near = mean[rows].astype(np.float32) @ C.reshape(V, -1)
-        near = near.reshape(len(rows), *C.shape[1:])
         own = C if vertices is None else C[rows]
         # f̂ = Cᵀ z (Tan et al. 2018, equation 3) and the first convolution's affine part in one:
         # (n, d, K), single precision as the network itself.
         self.matrix = np.matmul(point.T.astype(np.float32), own)
-        self.matrix += np.matmul(neighbour.T.astype(np.float32), near)
+        if neighbour.any():
+            near = mean[rows].astype(np.float32) @ C.reshape(V, -1)
+            near = near.reshape(len(rows), *C.shape[1:])
+            self.matrix += np.matmul(neighbour.T.astype(np.float32), near)
         self.gain, self.offset = scaler.gain, scaler.offset
 
     def features(self, z: FloatArray) -> FloatArray:

@@ -117,6 +117,9 @@ class NetworkWeights:
 
 def _check_weights(name: str, array: Weights, shape: tuple[int | str, ...]) -> None:
     remedy = "restore the file, or train again with a lower learning rate"
+    if array.size and max(-float(array.min()), float(array.max())) <= LARGEST:
+        # Only the shape is left to check: a large array is not converted.
+        array = np.broadcast_to(np.float32(0), array.shape)
     checked_array(array, name, shape, largest=LARGEST, remedy=remedy)
 
 

@@ -146,7 +146,9 @@ class NetworkFactorisation:
     def finished(self) -> tuple[NetworkWeights, tuple[float, float]]:
         """Weights with links fitted, and the terms of the loss; no step follows."""
         fit_links(self._problem, self._links)
-        return _weights(self._problem.C, self._unit, self._bias), self._problem.terms()
+        C, terms = self._problem.C, self._problem.terms()
+        del self._problem  # its pieces are several times as large as the weights
+        return _weights(C, self._unit, self._bias), terms
 
 
 def fit_links(problem: Factorisation, links: int) -> None:
@@ -212,5 +214,7 @@ def _weights(C: NDArray, unit: float, bias: FloatArray) -> NetworkWeights:
     identity = np.eye(FEATURES, dtype=np.float32)
     nothing = np.zeros_like(identity)
     convolution = ConvolutionWeights(identity, nothing, nothing[0], bias.astype(np.float32))
-    components = C.reshape(len(C), -1, FEATURES).transpose(1, 2, 0) * unit
-    return NetworkWeights((convolution,), np.ascontiguousarray(components, dtype=np.float32))
+    rows = C.reshape(len(C), -1, FEATURES).transpose(1, 2, 0)
+    components = np.empty(rows.shape, dtype=np.float32)
+    np.multiply(rows, unit, out=components)
+    return NetworkWeights((convolution,), components)

@@ -13,7 +13,7 @@ from deformer.workspace import LARGE_SHARE, LEAST_MEMORY, Workspace
 
 # Bytes a vertex of the factors of the Laplacian, of the heat method and of the features' system,
 # and of what is prepared for the reference; and of all that does not depend on the shapes' number.
-_OF_VERTEX, _OF_PART = 9000.0, 250e6
+_OF_VERTEX, _OF_PART = 12000.0, 250e6
 # Arrays of the components' size that are in memory at once.
 _ARRAYS = 7
 # Bytes a vertex of a handle fit in a trial, the components apart.

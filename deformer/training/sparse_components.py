@@ -182,7 +182,9 @@ class Factorisation:
     @property
     def C(self) -> NDArray:
         """The components (K, M·D), gathered from the pieces."""
-        return self._pieces.gather("C", len(self.centres)) * self._scales[:, None]
+        C = self._pieces.gather("C", len(self.centres))
+        C *= self._scales[:, None]
+        return C
 
     def start(self) -> None:
         """Initialise the unknowns by greedy deflation, see `site_pieces.deflated`."""
