@@ -29,9 +29,9 @@ _9, _TINY = np.float32(9), np.float32(1e-30)
 DAMPING = np.float32(1e-5)
 # Tangent of half the largest angle of one Newton step.
 LARGEST_STEP = np.float32(0.6)
-# Square of a step of half an angle, in radians, that nearly reaches the rotation: what is left is
-# its square, or the share DAMPING of it.
-_SMALLEST_STEP = np.float32(1e-10)
+# Square of a step of half an angle, in radians, that reaches the rotation to rounding. With a larger
+# one, whether the last step is taken would depend on the last digits, and be seen.
+_SMALLEST_STEP = np.float32(1e-13)
 _TURN = np.float32(2 * math.pi)
 _PER_TURN = np.float32(0.5 / math.pi)
 # Over-relaxation: local steps go beyond their optimum by this factor, and local and global steps
@@ -366,7 +366,6 @@ def fit_rotations(start, stop, indptr, rings, halves, x, p, R, turn, steps):
         _matrices(q, r)
         _times_transposed(B, r, A)
         for _ in range(steps):
-            # After a step this small the next one is a rounding error.
             if fit_step(A, D) < _SMALLEST_STEP:
                 break
         _compose(D, q)

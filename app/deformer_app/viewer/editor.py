@@ -368,6 +368,8 @@ class Editor:
         clip = self.timeline.keyed(self.session.entry.edit, self.edit)
         if self.session.commit(label, solution, clip):
             self.announce(HistoryChanged(), HandlesChanged())
+        else:  # nothing is different: the pose is the one that was there
+            known = self.session.entry.solution
         self.ask(known)
 
     def note_units(self) -> None:

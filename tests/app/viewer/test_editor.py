@@ -165,6 +165,21 @@ def test_a_pose_that_was_not_at_rest_is_stored_when_it_is(editor):
     np.testing.assert_allclose(found, editor.vertices, atol=1e-6)
 
 
+def test_a_step_that_changes_nothing_keeps_the_very_pose(editor):
+    """Solved again, it would be another in the last digits than the one that was saved."""
+    editor.handles.place(100)
+    editor.handles.move_selected(translation([0.3, 0.2, 0.1]))
+    editor.commit("Drag")
+    finish(editor)
+    solution, pose = editor.session.entry.solution, editor.vertices.copy()
+    editor.show_edit(editor.edit)
+    finish(editor)
+    editor.commit("Drag")
+    finish(editor)
+    assert editor.session.entry.solution == solution
+    np.testing.assert_allclose(editor.vertices, pose, atol=1e-12)
+
+
 def test_escape_takes_a_drag_back(editor):
     before = editor.vertices.copy()
     _, at = seen(editor, 0.95)
