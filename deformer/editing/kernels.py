@@ -29,8 +29,8 @@ _9, _TINY = np.float32(9), np.float32(1e-30)
 DAMPING = np.float32(1e-5)
 # Tangent of half the largest angle of one Newton step.
 LARGEST_STEP = np.float32(0.6)
-# Square of a step of half an angle, in radians, that reaches the rotation to rounding. With a larger
-# one, whether the last step is taken would depend on the last digits, and be seen.
+# Square of a step of half an angle, in radians, that reaches the rotation to rounding. With a
+# larger one, whether the last step is taken would depend on the last digits, and be seen.
 _SMALLEST_STEP = np.float32(1e-13)
 _TURN = np.float32(2 * math.pi)
 _PER_TURN = np.float32(0.5 / math.pi)
