@@ -242,7 +242,8 @@ def varies_alone(size: Size, first: Size, name: str) -> bool:
 
 
 def slope(x: list[int], y: list[float]) -> str:
-    return f"{np.polyfit(np.log(x), np.log(y), 1)[0]:.2f}"
+    # The memory of small solvers is lost in what the process holds free.
+    return f"{np.polyfit(np.log(x), np.log(y), 1)[0]:.2f}" if min(y) > 0 else ""
 
 
 if __name__ == "__main__":

@@ -165,19 +165,23 @@ def test_a_pose_that_was_not_at_rest_is_stored_when_it_is(editor):
     np.testing.assert_allclose(found, editor.vertices, atol=1e-6)
 
 
-def test_a_step_that_changes_nothing_keeps_the_very_pose(editor):
-    """Solved again, it would be another in the last digits than the one that was saved."""
+def test_a_step_that_changes_nothing_shows_the_pose_that_was_there(editor):
+    """It is not solved for again, which may end elsewhere."""
     editor.handles.place(100)
     editor.handles.move_selected(translation([0.3, 0.2, 0.1]))
     editor.commit("Drag")
     finish(editor)
-    solution, pose = editor.session.entry.solution, editor.vertices.copy()
+    other = replace(editor.answer.solution, z=editor.edit.base)
+    editor.restore("Step", replace(editor.edit, noise=0.02), other)
+    finish(editor)
+    pose, steps = editor.vertices.copy(), len(editor.session.entries)
     editor.show_edit(editor.edit)
     finish(editor)
+    assert np.abs(editor.vertices - pose).max() > 0.01
     editor.commit("Drag")
     finish(editor)
-    assert editor.session.entry.solution == solution
-    np.testing.assert_allclose(editor.vertices, pose, atol=1e-12)
+    assert len(editor.session.entries) == steps and editor.session.entry.solution == other
+    np.testing.assert_allclose(editor.vertices, pose, atol=1e-6)
 
 
 def test_escape_takes_a_drag_back(editor):
