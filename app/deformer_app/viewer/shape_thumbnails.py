@@ -7,7 +7,7 @@ screen; it waits while the user drags or a pose is being solved.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -164,8 +164,8 @@ class Thumbnails:
             listener(subject)
 
 
-def _alike(shapes: Sequence[NDArray[np.float64]], up: str) -> list[Camera]:
-    """Cameras that show each of several shapes (V, 3) in the middle, all at one scale.
+def _alike(shapes: NDArray[np.float64], up: str) -> list[Camera]:
+    """Cameras that show each of several shapes (n, V, 3) in the middle, all at one scale.
 
     Where the shapes are beside each other, one camera for all would show them small.
     """
