@@ -256,6 +256,7 @@ def calls(tmp_path_factory):
         "io.read_bytes": (io.read_bytes, (folder / "h.json",)),
         "io.packed_gltf": (io.packed_gltf, (folder / "a.glb",)),
         "io.read_gltf": (io.read_gltf, (folder / "a.glb",)),
+        "io.folded_name": (io.folded_name, ("e.ply",)),
         "io.read_json": (io.read_json, (folder / "h.json",)),
         "io.read_metadata": (io.read_metadata, (folder / "t.safetensors",)),
         "io.read_tensors": (io.read_tensors, (folder / "t.safetensors",)),

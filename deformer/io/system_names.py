@@ -6,6 +6,8 @@ import os
 import re
 import unicodedata
 
+from deformer.checks import checked_text
+
 WINDOWS = os.name == "nt"
 _DEVICE = re.compile(r"(?:con|prn|aux|nul|(?:com|lpt)[\d¹²³])", re.IGNORECASE)
 _FORBIDDEN = re.compile(r'[<>:"|?*\x00-\x1f]')
@@ -27,5 +29,9 @@ def folded_name(name: str) -> str:
     """A key that is equal for names which some file system takes for one.
 
     Those of Windows and macOS ignore case, and macOS ignores how accents are composed.
+
+    Raises:
+        InputError: no text.
     """
+    name = checked_text(name, "name")
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())

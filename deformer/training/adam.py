@@ -243,6 +243,7 @@ def fit(
             on_progress=on_progress,
         )
         ranks.tell(None)  # the others have no more to do
+        ranks.meet()
     finally:
         ranks.leave()
     weights = descent.weights().pruned(settings.pruning)
@@ -264,6 +265,7 @@ def assist() -> None:
                 descent.step(told)
             else:
                 descent.restore(*told)
+        ranks.meet()
     finally:
         ranks.leave()
 

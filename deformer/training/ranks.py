@@ -40,6 +40,11 @@ class Ranks:
             backend = "cpu:gloo,cuda:nccl" if torch.cuda.is_available() else "gloo"
             distributed.init_process_group(backend, timeout=_PATIENCE)
 
+    def meet(self) -> None:
+        """Wait until all are here: a process that ends early may take the others' connections."""
+        if self.count > 1:
+            distributed.barrier()
+
     def leave(self) -> None:
         """End the connection to the others."""
         if self.count > 1:

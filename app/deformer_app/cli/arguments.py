@@ -174,7 +174,10 @@ def refuse_inputs(output: Path | None, *inputs: str | Path | None) -> None:
     target = output.resolve()
     for given in filter(None, inputs):
         source = Path(given)
-        if not source.exists():
+        try:
+            if not source.exists():
+                continue
+        except OSError:  # no path at all, such as a number of thousands of digits
             continue
         # By what is on the disk, not by name: some systems ignore case.
         there = [path for path in (target, *target.parents) if path.exists()]
