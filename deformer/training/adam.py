@@ -259,15 +259,20 @@ def assist() -> None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     ranks = Ranks()
     try:
-        descent = _prepared(*ranks.tell(), ranks=ranks)
-        while (told := ranks.tell()) is not None:
-            if isinstance(told, int):
-                descent.step(told)
-            else:
-                descent.restore(*told)
+        _follow(ranks)  # its network is gone before the connection that averages the gradients
         ranks.meet()
     finally:
         ranks.leave()
+
+
+def _follow(ranks: Ranks) -> None:
+    """Take the steps that rank 0 tells."""
+    descent = _prepared(*ranks.tell(), ranks=ranks)
+    while (told := ranks.tell()) is not None:
+        if isinstance(told, int):
+            descent.step(told)
+        else:
+            descent.restore(*told)
 
 
 def _prepared(
