@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import math
+import os
 import signal
+import sys
 import threading
 from pathlib import Path
 from typing import Any
@@ -263,6 +266,16 @@ def assist() -> None:
         ranks.meet()
     finally:
         ranks.leave()
+    # Now and then threads of torch abort a process that ends, and torchrun then ends the first one,
+    # which may still be saving what was trained.
+    atexit.register(_end_at_once)
+
+
+def _end_at_once() -> None:
+    """End the process without what C++ libraries do at its end."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)
 
 
 def _follow(ranks: Ranks) -> None:
