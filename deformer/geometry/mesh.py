@@ -160,10 +160,7 @@ class MeshSequence:
         Raises:
             InputError: no such shape.
         """
-        index = checked_integer(index, "shape")
-        if not -len(self) <= index < len(self):
-            raise InputError(f"shape {index} does not exist; the sequence has {len(self)} shapes")
-        return Mesh(self.vertices[index], self.faces)
+        return Mesh(self.vertices[checked_shape(index, len(self))], self.faces)
 
     def subset(self, indices: ArrayLike) -> MeshSequence:
         """Shapes at `indices` (n,), in that order.
@@ -174,6 +171,14 @@ class MeshSequence:
         chosen = checked_indices(indices, "indices", len(self), what="shape")
         names = tuple(self.names[i] for i in chosen) if self.names else ()
         return MeshSequence(self.vertices[chosen], self.faces, names)
+
+
+def checked_shape(index: int, count: int) -> int:
+    """The index of one of so many shapes; negative ones count from the end."""
+    index = checked_integer(index, "shape")
+    if not -count <= index < count:
+        raise InputError(f"shape {index} does not exist; the sequence has {count} shapes")
+    return index
 
 
 def edges(faces: IntArray) -> IntArray:

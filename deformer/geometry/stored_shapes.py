@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
-from deformer.checks import checked_indices, checked_instance, checked_integer
+from deformer.checks import checked_indices, checked_instance
 from deformer.errors import InputError
 from deformer.geometry.mesh import (
     FloatArray,
@@ -16,6 +16,7 @@ from deformer.geometry.mesh import (
     MeshSequence,
     checked_faces,
     checked_names,
+    checked_shape,
 )
 from deformer.workspace import Empty, Rows, StoredArray, Workspace, blocks
 
@@ -55,10 +56,7 @@ class StoredShapes:
         Raises:
             InputError: no such shape.
         """
-        index = checked_integer(index, "shape")
-        if not -len(self) <= index < len(self):
-            raise InputError(f"shape {index} does not exist; the sequence has {len(self)} shapes")
-        return Mesh(self.vertices[index], self.faces)
+        return Mesh(self.vertices[checked_shape(index, len(self))], self.faces)
 
     def subset(self, indices: ArrayLike) -> StoredShapes:
         """Shapes at `indices` (n,), in that order, in the same file.
