@@ -35,7 +35,7 @@ _TOLERANCE = 1e-12
 _STEPS = 200
 # Rounds of relaxation in a warm solve.
 _WARM_ROUNDS = 1
-# Over-relaxation of the local steps.
+# Over-relaxation of the local steps of warm solves.
 _OVER_RELAXATION = 1.5
 # Tension of the plate that spreads corrections at exact handles, over the reference's area.
 _TENSION = 100.0
@@ -377,28 +377,35 @@ class ReferenceSolver:
         if self._R is None:
             R = np.tile(np.eye(3), (len(self.model.reference.vertices), 1, 1))
             p = self._global(_times(divergence, R), targets)
-            for _ in range(rounds):
-                R = self._local(covariance, p, R)
-                p = self._global(_times(divergence, R), targets)
+            # Nesterov's momentum, which starts anew where an iteration turns back.
+            start, last, t = p, p, 1.0
+            for n in range(rounds):
+                if n:
+                    if ((start - p) * (p - last)).sum() > 0:
+                        t = 1.0
+                    t, before = (1.0 + np.sqrt(1.0 + 4.0 * t * t)) / 2.0, t
+                    start = p + (before - 1.0) / t * (p - last)
+                R = self._local(covariance, start, R, 1.0)
+                p, last = self._global(_times(divergence, R), targets), p
         else:
             R = self._R
             p = self._global(_times(divergence, R), targets)
             if rounds:
-                R = self._local(covariance, p, R)
+                R = self._local(covariance, p, R, _OVER_RELAXATION)
         self._R = R
         return p
 
-    def _local(self, covariance: list[sparse.csr_array], p: Array, R: Array) -> Array:
-        """Rotations (V, 3, 3) from the local step: past argmax tr(R_iᵀ A_i), as seen from R.
+    def _local(self, covariance: list[sparse.csr_array], p: Array, R: Array, over: float) -> Array:
+        """Rotations (V, 3, 3) from the local step: argmax tr(R_iᵀ A_i), or past it, from R.
 
-        A_i = Σ_j c_ij p_ij x_ijᵀ. The step from R to the optimum is over-relaxed: half-angle
-        tangents are multiplied by _OVER_RELAXATION.
+        A_i = Σ_j c_ij p_ij x_ijᵀ. Half-angle tangents of the step from R to the optimum are
+        multiplied by `over`.
         """
         A = np.stack([C @ p for C in covariance], axis=2)
         U, _, Vt = np.linalg.svd(A)
         U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
         step = Rotation.from_matrix(U @ Vt @ R.transpose(0, 2, 1)).as_quat(canonical=True)
-        step[:, :3] *= _OVER_RELAXATION
+        step[:, :3] *= over
         return Rotation.from_quat(step).as_matrix() @ R
 
     def _global(self, b: Array, targets: Array) -> Array:

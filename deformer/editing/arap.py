@@ -20,6 +20,7 @@ from deformer.editing.exact_rows import ExactRows, changed_arrays, with_room
 from deformer.editing.kernels import (
     BLOCK,
     MATRICES,
+    OVER_RELAXATION,
     VECTORS,
     add_green_functions,
     coefficients_by_block,
@@ -30,6 +31,7 @@ from deformer.editing.kernels import (
     to_user_order,
 )
 from deformer.editing.lift_kernels import node_frames
+from deformer.editing.momentum import Momentum
 from deformer.editing.nodes import NodeSystem
 from deformer.geometry import FloatArray, IntArray
 from deformer.linalg import CORES, over_ranges, ranges, run_calls, start_calls, wait_for
@@ -344,17 +346,23 @@ class DecodedSurface:
         over_ranges(to_user_order, len(out), self._factor.order, *where)
         return out
 
-    def relax(self, steps: int) -> None:
+    def move_on(self, momentum: Momentum) -> None:
+        """Move the positions on by a momentum, for the next local step."""
+        self._x[:] = momentum.moved_on(self._x)
+
+    def relax(self, steps: int, over: float = OVER_RELAXATION) -> None:
         """Local step: fit the rotations, vertex by vertex, to the edges of the positions.
 
         The step runs in other threads after the call returns; methods that need it wait for it.
 
         Args:
             steps: Newton steps of each rotation.
+            over: factor by which each rotation goes beyond its optimum; 1 where positions have a
+                momentum.
         """
         mesh = self._indptr, self._rings, self._half_weights
         shapes = self._rest.ravel(), self._x.ravel()
-        rest = *mesh, *shapes, self._R, self._quaternions, steps
+        rest = *mesh, *shapes, self._R, self._quaternions, steps, np.float32(over)
         self.has_rotations = True
         # One core is left to the caller.
         share = max(_SHARE, -(-self._vertex_blocks // max(1, CORES - 1)))

@@ -34,8 +34,8 @@ LARGEST_STEP = np.float32(0.6)
 _SMALLEST_STEP = np.float32(1e-13)
 _TURN = np.float32(2 * math.pi)
 _PER_TURN = np.float32(0.5 / math.pi)
-# Over-relaxation: local steps go beyond their optimum by this factor, and local and global steps
-# converge in about half as many rounds. From 2 on they would diverge.
+# Over-relaxation in frames: local steps go beyond their optimum by this factor; local and global
+# steps then converge in about half as many rounds. From 2 on they would diverge.
 OVER_RELAXATION = np.float32(1.5)
 # tanh y as a continued fraction of seven terms, multiplied out: exact to 1e-8 up to y = 2.25.
 _N0, _N1, _N2, _N3 = (np.float32(x / 135135) for x in (135135, 17325, 378, 1))
@@ -282,14 +282,14 @@ def fit_step(A, D):
 
 
 @njit(nogil=True, error_model="numpy", fastmath=True)
-def _compose(D, q):
+def _compose(D, q, over):
     """Quaternions q (64,) ← D q, after over-relaxation of D (64,).
 
-    It multiplies the tangents of D's half angles by OVER_RELAXATION.
+    It multiplies the tangents of D's half angles by the factor `over`.
     """
     for n in range(BLOCK):
-        a, b = D[n], OVER_RELAXATION * D[ROW1 + n]
-        c, d = OVER_RELAXATION * D[ROW2 + n], OVER_RELAXATION * D[ROW3 + n]
+        a, b = D[n], over * D[ROW1 + n]
+        c, d = over * D[ROW2 + n], over * D[ROW3 + n]
         scale = _1 / math.sqrt(a * a + b * b + c * c + d * d)
         a, b, c, d = scale * a, scale * b, scale * c, scale * d
         D[n], D[ROW1 + n], D[ROW2 + n], D[ROW3 + n] = a, b, c, d
@@ -323,13 +323,14 @@ def _times_transposed(B, T, A):
             A[r + ROW2 + n] = x * T[ROW6 + n] + y * T[ROW7 + n] + z * T[ROW8 + n]
 
 
-@called_with("void(i8, i8, i8[::1], i4[::1], f4[::1], f4[::1], f4[::1], f4[::1], f4[::1], i8)")
+@called_with("void(i8, i8, i8[::1], i4[::1], f4[::1], f4[::1], f4[::1], f4[::1], f4[::1], i8, f4)")
 @njit(nogil=True, error_model="numpy", fastmath=True)
-def fit_rotations(start, stop, indptr, rings, halves, x, p, R, turn, steps):
+def fit_rotations(start, stop, indptr, rings, halves, x, p, R, turn, steps, over):
     """Local step of blocks: fit rotations R, and their quaternions `turn`, to the edges of p.
 
     R_i becomes D R_i with D = argmax tr(Dᵀ A_i), A_i = Σ_j c_ij (p_i − p_j) (R_i (x_i − x_j))ᵀ and
-    the rest shape x (Sorkine and Alexa, As-Rigid-As-Possible Surface Modeling, 2007, equation 6).
+    the rest shape x (Sorkine and Alexa, As-Rigid-As-Possible Surface Modeling, 2007, equation 6),
+    beyond it by the factor `over`.
     """
     memory = memory_()
     A, D, q, B, r = memory[0], memory[1], memory[2], memory[3], memory[4]
@@ -368,7 +369,7 @@ def fit_rotations(start, stop, indptr, rings, halves, x, p, R, turn, steps):
         for _ in range(steps):
             if fit_step(A, D) < _SMALLEST_STEP:
                 break
-        _compose(D, q)
+        _compose(D, q, over)
         for n in range(QUATERNIONS):
             turn[QUATERNIONS * block + n] = q[n]
         _matrices(q, r)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from deformer.editing.arap import DecodedSurface
 from deformer.editing.green_functions import HandleBasis
 from deformer.editing.lifted_surface import LiftedSurface, Surface
+from deformer.editing.momentum import Momentum
 from deformer.editing.search import CodeSearch, State
 from deformer.geometry import FloatArray, IntArray, RowPoint
 
@@ -182,11 +183,16 @@ class PosedSurface:
         return _Relaxing(state, surface, rounds, next(rounds))
 
     def _relaxation(self, surface: DecodedSurface, state: State) -> Iterator[FloatArray]:
-        """Positions (V, 3) before any round of relaxation, and after each until they stay."""
+        """Positions (V, 3) before any round of relaxation, and after each until they stay.
+
+        Momentum takes a third of the rounds of over-relaxed steps, which frames have.
+        """
         vertices = self._solved(surface, state)
         yield vertices
+        momentum = Momentum()
         for n in range(self.rounds if len(self._exact) else 0):
-            surface.relax(_ROTATION_STEPS if n else _FIRST_ROTATION_STEPS)
+            surface.move_on(momentum)
+            surface.relax(_ROTATION_STEPS if n else _FIRST_ROTATION_STEPS, over=1.0)
             before, vertices = vertices, self._solved(surface, state)
             yield vertices
             if np.abs(vertices - before).max() < _RELAXED * self._search.energy.diagonal:

@@ -104,7 +104,7 @@ class HandleSolver:
         noise: float | None = None,
         freedom: float | Body | None = None,
         misfit: float | None = None,
-        relaxation: int = 60,
+        relaxation: int = 40,
     ) -> None:
         """Prepare the model's factorisations; handles are set later."""
         checked_instance(model, "model", DeformationModel, remedy="load it with load_model")

@@ -292,17 +292,18 @@ def test_no_rounds_are_the_schur_complement():
 
 
 def test_warm_solves_go_on_with_the_rotations():
-    """The first repeats the cold solve's last global step; each later one adds a round."""
+    """The first repeats the cold solve's last global step; later ones go on towards the limit."""
     model = small_model()
     vertices, targets = edit(model, 5)
-    solver, longer = (ReferenceSolver(model, relaxation=n) for n in (3, 4))
+    solver, longer = (ReferenceSolver(model, relaxation=n) for n in (3, 200))
     for each in (solver, longer):
         each.set_handles(vertices, targets, hard=True)
     search_once(solver, longer)
     cold, first, second = solver.solve(), solver.solve(warm=True), solver.solve(warm=True)
     diagonal = model.reference.bounding_diagonal
     assert distance(first.vertices, cold.vertices) < 1e-6 * diagonal
-    assert distance(second.vertices, longer.solve().vertices) < 1e-6 * diagonal
+    limit = longer.solve().vertices
+    assert distance(second.vertices, limit) < 0.9 * distance(first.vertices, limit)
     assert distance(second.vertices, first.vertices) > 1e-4 * diagonal
     np.testing.assert_allclose(solver.solve().vertices, cold.vertices, atol=1e-12)
 
