@@ -301,18 +301,19 @@ def test_a_packed_file_has_all_inside(tmp_path):
     path = external(tmp_path)
     scene = json.loads(path.read_bytes())
     (tmp_path / "skin.png").write_bytes(b"\x89PNG and so on")
-    scene["images"] = [{"uri": "skin.png"}, {"uri": "/home/somebody/gone.jpg"}, {"uri": "skin.png"}]
+    gone = ["/home/somebody/gone.jpg", r"C:\Users\somebody\away.jpg"]
+    scene["images"] = [{"uri": uri} for uri in ("skin.png", *gone, "skin.png")]
     path.write_text(json.dumps(scene))
     (tmp_path / "packed").mkdir()
     packed = tmp_path / "packed" / "a.glb"
     packed.write_bytes(io.packed_gltf(path))
     asset = io.read_gltf(packed)
-    first, missing, again = asset.json["images"]
+    first, *missing, again = asset.json["images"]
     assert first == again and first["mimeType"] == "image/png"
     view = asset.json["bufferViews"][first["bufferView"]]
     data = asset.buffer(0, "the test")[view["byteOffset"] :][: view["byteLength"]]
     assert data == b"\x89PNG and so on"
-    assert missing == {"uri": "gone.jpg"}
+    assert missing == [{"uri": "gone.jpg"}, {"uri": "away.jpg"}]
     assert b"somebody" not in packed.read_bytes()
     ours, theirs = io.load_shapes(packed), io.load_shapes(path)
     np.testing.assert_array_equal(ours.vertices, theirs.vertices)
