@@ -67,27 +67,39 @@ lint: .venv/test.stamp
 
 check: lint test
 
+# $(call environment,FOLDER,PYTHON): made again if its pip is missing, as where Debian's python3-venv
+# was; an older Python is told before it has made one.
+define environment
+	@$(1)/bin/python -m pip --version >/dev/null 2>&1 || { \
+	  $(2) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	    echo "Python 3.11 or newer is needed: make PYTHON=python3.12, for example" >&2; exit 1; }; \
+	  $(2) -m venv $(1); }
+	@echo "installing packages into $(1): some minutes the first time"
+endef
+
 .venv/run.stamp: pyproject.toml constraints.txt
-	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(call environment,.venv,$(PYTHON))
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[app]"
 	touch $@
 
 .venv/test.stamp: .venv/run.stamp
+	$(call environment,.venv,$(PYTHON))
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[app,test]"
 	touch $@
 
 .venv/docs.stamp: .venv/run.stamp
+	$(call environment,.venv,$(PYTHON))
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[app,docs]"
 	touch $@
 
 .venv-oldest/test.stamp: pyproject.toml constraints-oldest.txt
-	test -x .venv-oldest/bin/python || $(PYTHON) -m venv .venv-oldest
+	$(call environment,.venv-oldest,$(PYTHON))
 	.venv-oldest/bin/python -m pip install --quiet --constraint constraints-oldest.txt --editable ".[app,test]"
 	touch $@
 
 INTEROP_PYTHON ?= python3.11
 .venv-interop/run.stamp: constraints-interop.txt
-	test -x .venv-interop/bin/python || $(INTEROP_PYTHON) -m venv .venv-interop
+	$(call environment,.venv-interop,$(INTEROP_PYTHON))
 	.venv-interop/bin/python -m pip install --quiet --constraint constraints-interop.txt bpy
 	npm install --silent --no-fund --no-audit --prefix .venv-interop \
 	  gltf-validator@2.0.0-dev.3.10 three@0.187.0
