@@ -68,6 +68,21 @@ def run(page: Path, command, folder: Path) -> dict:
     return names
 
 
+def untried_commands(page: Path) -> list[list[str]]:
+    """Arguments of the `deformer` commands in a page's blocks without a mark, which are not run."""
+    text = page.read_text(encoding="utf-8")
+    marked = {block.start("language") for block in _BLOCK.finditer(text)}
+    found = []
+    for fence in re.finditer(r"^```(\w*)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL):
+        if fence[1] not in ("", "bash") or fence.start(1) in marked:
+            continue
+        for line in fence[2].replace("\\\n", " ").splitlines():
+            command = re.match(r"(?:torchrun .*-m )?deformer +(.*)", line.strip())
+            if command:
+                found.append(shlex.split(command[1], comments=True))
+    return found
+
+
 def without_code(text: str) -> str:
     """A page's text without fenced blocks and code spans."""
     return re.sub(r"`[^`\n]*`", "", _FENCE.sub("", text))
