@@ -3,6 +3,7 @@
 import sys
 from pathlib import Path
 
+import numpy as np
 import tube
 
 import deformer
@@ -21,10 +22,13 @@ def main(picture: Path, quick: bool = False) -> float:
     found = model.decode(model.encode(unseen))
 
     found += (unseen - found).mean(axis=1, keepdims=True)
-    titles = {name: [f"{name} {n}" for n in range(6)] for name in ("unseen", "reproduced")}
+    titles = {name: [f"{name} {n}" for n in range(1, 7)] for name in ("unseen", "reproduced")}
     rows = {"unseen": unseen, "reproduced": found}
-    save_rows(picture, rows, examples.faces, "y", titles)
-    return deformer.e_rms(unseen, found) / model.reference.bounding_diagonal
+    errors = [deformer.vertex_errors(x, p) for x, p in zip(unseen, found, strict=True)]
+    diagonal = model.reference.bounding_diagonal
+    scalars = {"reproduced": 100 * np.array(errors) / diagonal}
+    save_rows(picture, rows, examples.faces, "y", titles, scalars, "distance, % of the diagonal")
+    return deformer.e_rms(unseen, found) / diagonal
 
 
 if __name__ == "__main__":

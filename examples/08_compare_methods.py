@@ -40,10 +40,10 @@ def main(picture: Path, quick: bool = False) -> dict[str, float]:
     camera = aim(unseen[shown], up="y", aspect=pixels[0] / pixels[1], margin=0.02)
     layers = [Layer(deformer.Mesh(unseen[shown], base.faces))] + [
         Layer(deformer.Mesh(p[shown], base.faces), scalars=errors[name], limits=(0.0, limit),
-              title="error", colormap=HEAT, bar=False)
+              title="distance", colormap=HEAT, bar=False)
         for name, p in found.items()
     ]  # fmt: skip
-    titles = ["unseen shape", *found]
+    titles = ["unseen shape", "Deformer", *(name.upper() for name in methods)]
     sheet = contact_sheet(trimmed([render(x, camera, pixels) for x in layers]), 5, titles)
     save_sheet(picture, with_bar(sheet, layers[-1]))
     diagonal = base.bounding_diagonal

@@ -27,7 +27,9 @@ def main(picture: Path, quick: bool = False) -> tuple[float, float]:
     shown = np.linspace(0, len(truth) - 1, 2 if quick else 7).astype(int)
     titles = {name: [f"{name}, frame {n}" for n in shown] for name in ("truth", "fit")}
     rows = {"truth": truth[shown], "fit": fit.vertices[shown]}
-    save_rows(picture, rows, model.reference.faces, "z", titles)
+    errors = [deformer.vertex_errors(truth[n], fit.vertices[n]) for n in shown]
+    scalars = {"fit": 1000 * np.array(errors)}
+    save_rows(picture, rows, model.reference.faces, "z", titles, scalars, "distance, mm")
     return deformer.e_rms(truth, fit.vertices, "none"), 1000 * NOISE
 
 

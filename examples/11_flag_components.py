@@ -17,6 +17,7 @@ which a later run loads.
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -44,8 +45,9 @@ import deformer
 from deformer import Mesh, MeshSequence
 from deformer.baselines import EdgeSplocs
 from deformer_app.rendering.camera import aim
+from deformer_app.rendering.framing import trimmed, with_bar
 from deformer_app.rendering.offscreen import Layer, contact_sheet, render, save_picture
-from deformer_app.rendering.palette import GHOST
+from deformer_app.rendering.palette import GHOST, HEAT
 
 TRAINED = 5  # one frame in so many is a training shape
 SHOWN = 4  # number of strongest components
@@ -128,6 +130,9 @@ def picture(learned: list[Components], noisy: MeshSequence) -> NDArray[np.uint8]
     layers = [[Layer(noisy.mesh(int(n)))] for n in keys]
     titles = [f"frame {n}" for n in keys]
     ghost = Layer(Mesh(rest, faces), color=GHOST, opacity=0.2)
+    scale = Layer(
+        ghost.mesh, limits=(0.0, 1.0), title="share of the largest weight", colormap=HEAT, bar=False
+    )
     for components in learned:
         first = strongest(components, SHOWN)
         codes = np.tile(components.reference, (SHOWN + 1, 1))
@@ -137,16 +142,16 @@ def picture(learned: list[Components], noisy: MeshSequence) -> NDArray[np.uint8]
             laid = Mesh(shape, faces)
             if n < SHOWN:
                 support = components.support(int(first[n]))
-                layers.append([ghost, Layer(laid, scalars=support, limits=(0.0, 0.5), bar=False)])
+                coloured = replace(scale, mesh=laid, scalars=support)
+                layers.append([ghost, coloured])
                 titles.append(f"{components.name} {n + 1}")
             else:
                 layers.append([ghost, Layer(laid)])
                 titles.append("together, by half")
     everywhere = np.stack([drawn[-1].mesh.vertices for drawn in layers])
-    camera = aim(everywhere, up="z", azimuth=-30, elevation=35, aspect=SIZE[0] / SIZE[1])
-    return contact_sheet(
-        [render(drawn, camera, SIZE) for drawn in layers], SHOWN + 1, titles, gap=4
-    )
+    camera = aim(everywhere, up="z", azimuth=-30, elevation=15, aspect=SIZE[0] / SIZE[1])
+    pictures = trimmed([render(drawn, camera, SIZE) for drawn in layers], SHOWN + 1)
+    return with_bar(contact_sheet(pictures, SHOWN + 1, titles), scale)
 
 
 def show(results: dict[str, dict[str, Any]], console: Console) -> None:

@@ -146,7 +146,7 @@ def heat_sheet(
     layers: Sequence[Layer], pictures: Sequence[Picture], columns: int, titles: Sequence[str]
 ) -> Picture:
     """The pictures of `heat_maps` in rows, with one colour bar for all."""
-    return with_bar(contact_sheet(trimmed(pictures), columns, titles), layers[0])
+    return with_bar(contact_sheet(trimmed(pictures, columns), columns, titles), layers[0])
 
 
 def title(component: Component) -> str:

@@ -366,7 +366,8 @@ def _random_shapes(
     pictures = draw({"": shapes}, faces, _up(goal), progress)[""]
     titles = [f"{n}: {percentile:.0f} % off data" for n, percentile in enumerate(off_data)]
     columns = min(len(pictures), 6)
-    save_sheet(folder / "sheet.png", contact_sheet(trimmed(pictures), columns, titles))
+    tiles = trimmed(pictures, columns)
+    save_sheet(folder / "sheet.png", contact_sheet(tiles, columns, titles))
     return {
         "output": str(output),
         "codes": codes,

@@ -5,47 +5,69 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import ImageColor
 
-from deformer_app.rendering.offscreen import Layer, Picture, draw_bar
+from deformer_app.rendering.offscreen import Layer, Picture, bar_width, draw_bar
 from deformer_app.rendering.palette import BACKGROUND
 
 # Difference of a colour from the background, of 255, that counts as something drawn.
 _SEEN = 8
-# Width of the strip beside a sheet for its colour bar, over the height of the sheet's bar.
-_STRIP = 0.2
+# Least share of the height of a row that its tallest content has where all stand on one floor.
+_ON_A_FLOOR = 0.7
 
 
 def trimmed(
-    pictures: Sequence[Picture], margin: int = 8, background: str = BACKGROUND
+    pictures: Sequence[Picture],
+    columns: int | None = None,
+    margin: int = 8,
+    background: str = BACKGROUND,
 ) -> list[Picture]:
-    """Pictures that were drawn with one camera, without the border that none of them needs.
+    """Pictures that were drawn with one camera, cut to what the cells of a sheet need.
 
-    All keep their scale and get one size. Rows are cut alike, so that what stands on a floor goes
-    on standing on one; columns are cut around each picture's own content.
+    All keep their scale. Pictures of a row get one height, those of a column one width. What stands
+    on a floor goes on standing on one: a row is cut alike, unless its contents are at so different
+    heights that little of it would be filled; then each picture is cut around its own.
 
     Args:
-        pictures: (height, width, 3) uint8, all of one size.
+        pictures: (height, width, 3) uint8, all of one size, in reading order.
+        columns: pictures a row of the sheet; by default all are in one row.
         margin: pixels that are left around the content.
         background: colour of what counts as empty.
     """
     empty = np.array(ImageColor.getrgb(background), dtype=np.int16)
-    seen = [(np.abs(picture.astype(np.int16) - empty) > _SEEN).any(axis=2) for picture in pictures]
-    rows = np.flatnonzero(np.any(seen, axis=(0, 2)))
-    if len(rows) == 0:
+    boxes = [_content(np.abs(image.astype(np.int16) - empty).max(axis=2)) for image in pictures]
+    if not any(bottom for _, bottom, _, _ in boxes):
         return list(pictures)
-    columns = [np.flatnonzero(mask.any(axis=0)) for mask in seen]
-    spans = [(int(c[0]), int(c[-1]) + 1) if len(c) else (0, 0) for c in columns]
-    width = max(right - left for left, right in spans)
+    columns = max(1, min(columns or len(pictures), len(pictures)))
     found = []
-    for picture, (left, right) in zip(pictures, spans, strict=True):
-        content = picture[rows[0] : rows[-1] + 1, left:right]
-        cell = np.empty((len(content) + 2 * margin, width + 2 * margin, 3), np.uint8)
-        cell[:] = empty.astype(np.uint8)
-        start = margin + (width - (right - left)) // 2
-        cell[margin : -margin or None, start : start + right - left] = content
-        found.append(cell)
+    for first in range(0, len(pictures), columns):
+        row = boxes[first : first + columns]
+        height = max(bottom - top for top, bottom, _, _ in row)
+        filled = [(top, bottom) for top, bottom, _, _ in row if bottom]
+        low, high = (max(b for _, b in filled), min(t for t, _ in filled)) if filled else (0, 0)
+        alike = height >= _ON_A_FLOOR * (low - high)
+        for n, (top, bottom, left, right) in enumerate(row, first):
+            if alike and bottom:
+                top, bottom = high, low
+            width = max(1, *(box[3] - box[2] for box in boxes[n % columns :: columns]))
+            tall = low - high if alike else height
+            cell = np.empty((tall + 2 * margin, width + 2 * margin, 3), np.uint8)
+            cell[:] = empty.astype(np.uint8)
+            y = margin + (tall - (bottom - top)) // 2
+            x = margin + (width - (right - left)) // 2
+            cell[y : y + bottom - top, x : x + right - left] = pictures[n][top:bottom, left:right]
+            found.append(cell)
     return found
+
+
+def _content(difference: NDArray) -> tuple[int, int, int, int]:
+    """Top, bottom, left and right of what is drawn, ends excluded; zeros if nothing is."""
+    seen = difference > _SEEN
+    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+    if len(rows) == 0:
+        return 0, 0, 0, 0
+    return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
 
 
 def with_bar(sheet: Picture, layer: Layer, background: str = BACKGROUND) -> Picture:
@@ -56,7 +78,7 @@ def with_bar(sheet: Picture, layer: Layer, background: str = BACKGROUND) -> Pict
         layer: with `scalars`, `limits` and `title`, which all pictures of the sheet share.
         background: colour of the strip.
     """
-    height = len(sheet)
-    strip = np.empty((height, max(100, round(_STRIP * height)), 3), np.uint8)
+    line = max(15, len(sheet) // 60)  # about as large as the titles of a sheet
+    strip = np.empty((len(sheet), bar_width(layer, line), 3), np.uint8)
     strip[:] = ImageColor.getrgb(background)
-    return draw_bar(np.concatenate([sheet, strip], axis=1), layer)
+    return draw_bar(np.concatenate([sheet, strip], axis=1), layer, line)

@@ -141,48 +141,55 @@ def contact_sheet(
     gap: int = 12,
     background: str = BACKGROUND,
 ) -> Picture:
-    """Arrange pictures of one size in rows of `columns`, each above its title.
+    """Arrange pictures in rows of `columns`, each above its title.
 
     A title that is wider than the pictures makes room for itself.
 
     Args:
-        images: pictures of one size, in reading order.
+        images: pictures in reading order; those of a row have one height, those of a column one
+            width.
         columns: pictures a row.
         titles: a line for each picture, or None.
         gap: pixels between and around the pictures.
         background: colour between the pictures.
 
     Raises:
-        InputError: no pictures, pictures of different sizes, or another number of titles.
+        InputError: no pictures, pictures that make no rows and columns, or another number of
+            titles.
     """
     if not images:
         raise deformer.InputError("contact sheet: got no pictures, expected at least one")
-    shapes = {image.shape[:2] for image in images}
-    if len(shapes) > 1:
-        raise deformer.InputError(f"contact sheet: pictures differ in size: {sorted(shapes)}")
     if titles is not None and len(titles) != len(images):
         raise deformer.InputError(
             f"contact sheet: got {len(titles)} titles for {len(images)} pictures"
         )
-    height, width = images[0].shape[:2]
-    line = max(14, height // 22)
-    strip = 2 * line if titles is not None else 0
     columns = min(max(columns, 1), len(images))
     rows = math.ceil(len(images) / columns)
+    heights = [images[row * columns].shape[0] for row in range(rows)]
+    widths = [images[column].shape[1] for column in range(columns)]
+    for index, image in enumerate(images):
+        expected = heights[index // columns], widths[index % columns]
+        if image.shape[:2] != expected:
+            raise deformer.InputError(
+                f"contact sheet: picture {index} has {image.shape[:2]} pixels, expected "
+                f"{expected}, as in its row and column"
+            )
+    line = max(14, max(heights) // 22)
+    strip = 2 * line if titles is not None else 0
     font = ImageFont.load_default(line)
-    cell = max([width, *(math.ceil(font.getlength(title)) for title in titles or ())])
-    sheet = Image.new(
-        "RGB",
-        (columns * (cell + gap) + gap, rows * (height + strip + gap) + gap),
-        background,
-    )
+    for index, title in enumerate(titles or ()):
+        column = index % columns
+        widths[column] = max(widths[column], math.ceil(font.getlength(title)))
+    size = (sum(widths) + (columns + 1) * gap, sum(heights) + rows * (strip + gap) + gap)
+    sheet = Image.new("RGB", size, background)
     pen = ImageDraw.Draw(sheet)
     for index, image in enumerate(images):
         row, column = divmod(index, columns)
-        left, top = gap + column * (cell + gap), gap + row * (height + strip + gap)
-        sheet.paste(Image.fromarray(image), (left + (cell - width) // 2, top))
+        left = gap + sum(widths[:column]) + column * gap
+        top = gap + sum(heights[:row]) + row * (strip + gap)
+        sheet.paste(Image.fromarray(image), (left + (widths[column] - image.shape[1]) // 2, top))
         if titles is not None:
-            middle = (left + cell / 2, top + height + strip / 2)
+            middle = (left + widths[column] / 2, top + heights[row] + strip / 2)
             pen.text(middle, titles[index], fill=INK, font=font, anchor="mm")
     return np.asarray(sheet)
 
@@ -231,11 +238,23 @@ def _add_layer(plotter: pv.Plotter, layer: Layer) -> None:
     )
 
 
-def draw_bar(image: Picture, layer: Layer) -> Picture:
-    """Draw the colour bar of a layer's scalars along the right border."""
+def bar_width(layer: Layer, line: int) -> int:
+    """Width in pixels of a layer's colour bar with its title, for text of a height."""
+    title = ImageFont.load_default(line).getlength(layer.title)
+    return math.ceil(max(title, 5.5 * line)) + 2 * line
+
+
+def draw_bar(image: Picture, layer: Layer, line: int | None = None) -> Picture:
+    """Draw the colour bar of a layer's scalars along the right border.
+
+    Args:
+        image: the picture.
+        layer: with `scalars`, `limits` and `title`.
+        line: height of the text in pixels; by default 1/40 of the picture's, at least 11.
+    """
     height, width = image.shape[:2]
     low, high = _limits(layer)
-    line = max(11, height // 40)
+    line = line or max(11, height // 40)
     font = ImageFont.load_default(line)
     top, bottom = round(0.25 * height), round(0.75 * height)
     left = width - round(6.5 * line)

@@ -10,6 +10,7 @@ from PIL import Image
 
 from deformer import load_mesh, vertex_errors
 from deformer_app.rendering.camera import aim
+from deformer_app.rendering.framing import trimmed
 from deformer_app.rendering.offscreen import Layer, contact_sheet, draw_bar, render
 from deformer_app.rendering.palette import BACKGROUND
 
@@ -48,7 +49,8 @@ def sheet(folder: Path, what: str, methods: list[str], up: str) -> bytes | None:
     empty = np.asarray(Image.new("RGB", _SIZE, BACKGROUND))
     below = [draw_bar(empty, maps[0]), *(render(layer, camera, _SIZE) for layer in maps)]
     titles = ["true shape", *shapes, "", *("" for _ in shapes)]
-    image = contact_sheet([*above, *below], 1 + len(shapes), titles, gap=4)
+    columns = 1 + len(shapes)
+    image = contact_sheet(trimmed([*above, *below], columns), columns, titles, gap=4)
     buffer = io.BytesIO()
     Image.fromarray(image).save(buffer, format="WEBP", quality=88)
     return buffer.getvalue()
