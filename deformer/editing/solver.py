@@ -343,25 +343,12 @@ class HandleSolver:
                 call, until nothing is left to try; then the rigid relaxation goes on, a few rounds
                 a call, until `at_rest`.
         """
-        return self._solve(warm, explore=True)
-
-    @property
-    def at_rest(self) -> bool:
-        """True once further warm solves of the present handles would change nothing.
-
-        The pose is then that of `relax`.
-        """
-        search = self._search
-        rests = search.at_rest and self._surface.at_rest(search.current())
-        return rests and self._contacts.chosen(self._free) == self._contacts.vertices
-
-    def _solve(self, warm: bool, explore: bool) -> Pose:
         begun = time.perf_counter()
         search, surface = self._search, self._surface
         with one_blas_thread():
             if warm and self.solution is not None:
                 self._touch()
-                state, steps = search.warm(explore)
+                state, steps = search.warm()
                 if search.jumped:
                     vertices = surface.relaxed(state)
                 elif search.at_rest:
@@ -379,11 +366,22 @@ class HandleSolver:
                     vertices, steps = surface.relaxed(state), steps + more
             return self._pose(begun, state, steps, vertices)
 
+    @property
+    def at_rest(self) -> bool:
+        """True once further warm solves of the present handles would change nothing.
+
+        The pose is then that of `relax`.
+        """
+        search = self._search
+        rests = search.at_rest and self._surface.at_rest(search.current())
+        return rests and self._contacts.chosen(self._free) == self._contacts.vertices
+
     def solve_to_convergence(self, solves: int = 8) -> Pose:
         """Solve from the last solution, again and again until the energy no longer falls.
 
-        For frames that arrive one by one: it stays in the minimum of the last solution.
-        Without a last solution it is one cold solve.
+        For frames that arrive one by one: it stays in the minimum of the last solution, and the
+        rigid relaxation runs anew until it ends, as in `relax`. Without a last solution it is one
+        cold solve.
 
         Args:
             solves: largest number of warm solves.
@@ -391,18 +389,19 @@ class HandleSolver:
         checked_integer(solves, "solves", least=1)
         if self.solution is None:
             return self.solve()
-        milliseconds = 0.0
-        pose, steps = self._solve(warm=True, explore=False), 0
-        for _ in range(solves - 1):
-            milliseconds, steps = milliseconds + pose.milliseconds, steps + pose.iterations
-            before, pose = pose, self._solve(warm=True, explore=False)
-            if pose.energy > before.energy * (1.0 - _CONVERGED):
-                break
-        return replace(
-            pose,
-            milliseconds=milliseconds + pose.milliseconds,
-            iterations=steps + pose.iterations,
-        )
+        begun, steps, before = time.perf_counter(), 0, np.inf
+        with one_blas_thread():
+            for _ in range(solves):
+                self._touch()
+                state, more = self._search.warm(explore=False)
+                steps += more
+                if self._contacts.floor is not None:
+                    self._free = self._surface.frame(state)
+                if state.energy > before * (1.0 - _CONVERGED):
+                    break
+                before = state.energy
+            state = self._search.exact()
+            return self._pose(begun, state, steps, self._surface.relaxed(state))
 
     def drag(
         self, vertex: Point, position: ArrayLike, orientation: ArrayLike | None = None

@@ -206,11 +206,6 @@ def exact_fits(
     solver.set_handles(vertices, targets, hard=True)
     for number, value in enumerate(values):
         solver.set_prior(**{varied: value})
-        if number == 0:
-            pose = solver.solve()
-        else:
-            # Starts from the pose of the last value: faster, but sometimes another minimum.
-            solver.solve_to_convergence()
-            # The surface as a solve from the start gives it.
-            pose = solver.relax()
+        # From the pose of the last value it is faster, but sometimes another minimum.
+        pose = solver.solve_to_convergence() if number else solver.solve()
         yield pose.vertices
