@@ -146,9 +146,10 @@ class NetworkFactorisation:
     def finished(self) -> tuple[NetworkWeights, tuple[float, float]]:
         """Weights with links fitted, and the terms of the loss; no step follows."""
         fit_links(self._problem, self._links)
-        C, terms = self._problem.C, self._problem.terms()
+        terms = self._problem.terms()
+        weights = _weights(self._problem, self._unit, self._bias)
         del self._problem  # its pieces are several times as large as the weights
-        return _weights(C, self._unit, self._bias), terms
+        return weights, terms
 
 
 def fit_links(problem: Factorisation, links: int) -> None:
@@ -209,12 +210,16 @@ def _in_front_of_tanh(
     return data, unit
 
 
-def _weights(C: NDArray, unit: float, bias: FloatArray) -> NetworkWeights:
-    """Weights of the autoencoder whose decoder is tanh(unit Cᵀ z + bias), of C (K, M·9)."""
+def _weights(problem: Factorisation, unit: float, bias: FloatArray) -> NetworkWeights:
+    """Weights of the autoencoder whose decoder is tanh(unit Cᵀ z + bias).
+
+    They are filled tile by tile: of a large mesh, all of C beside them would be too much.
+    """
     identity = np.eye(FEATURES, dtype=np.float32)
     nothing = np.zeros_like(identity)
     convolution = ConvolutionWeights(identity, nothing, nothing[0], bias.astype(np.float32))
-    rows = C.reshape(len(C), -1, FEATURES).transpose(1, 2, 0)
-    components = np.empty(rows.shape, dtype=np.float32)
-    np.multiply(rows, unit, out=components)
+    K = len(problem.centres)
+    components = np.zeros((problem.data.shape[1], FEATURES, K), dtype=np.float32)
+    for sites, C in problem.components_by_tile():
+        np.multiply(C.reshape(K, -1, FEATURES).transpose(1, 2, 0), unit, out=components[sites])
     return NetworkWeights((convolution,), components)

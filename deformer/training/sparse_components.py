@@ -6,7 +6,7 @@ on M sites (vertices, edges) with D numbers each.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -185,6 +185,11 @@ class Factorisation:
         C = self._pieces.gather("C", len(self.centres))
         C *= self._scales[:, None]
         return C
+
+    def components_by_tile(self) -> Iterator[tuple[slice, NDArray]]:
+        """Sites of each tile, and the components (K, m·D) there, not all of them in memory."""
+        for sites, C in self._pieces.each("C"):
+            yield sites, C * self._scales[:, None]
 
     def start(self) -> None:
         """Initialise the unknowns by greedy deflation, see `site_pieces.deflated`."""
