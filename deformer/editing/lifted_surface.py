@@ -15,10 +15,13 @@ from deformer.linalg import over_ranges
 from deformer.model import DeformationModel
 from deformer.network import Decoder
 
-# Codes, spread over those of the training shapes, at which it is measured how closely vertices
-# follow nodes; rounds in which nodes are added where they do so worst, the most of a round, and the
-# distance, in bounding diagonals, that needs none.
-_CODES, _ROUNDS, _ADDED, _CLOSE = 6, 2, 1500, 4e-4
+# Codes at which it is measured how closely vertices follow nodes: some spread over those of the
+# training shapes, and as many drawn from the prior with so many times its deviations, since drags
+# leave the examples. Rounds in which nodes are added where vertices follow worst, the most of a
+# round, the distance, in bounding diagonals, that needs none, and the most nodes as a share of the
+# vertices.
+_CODES, _DEVIATIONS = 6, 2.0
+_ROUNDS, _ADDED, _CLOSE, _SHARE = 3, 2000, 4e-4, 0.2
 # A surface of a frame: of all vertices, or of nodes.
 Surface: TypeAlias = "DecodedSurface | LiftedSurface"
 
@@ -33,20 +36,28 @@ def moving_surface(model: DeformationModel, surface: DecodedSurface) -> Surface:
     Returns:
         `surface` itself if the mesh is small.
     """
-    nodes, codes = Nodes.of(model.poisson), model.codes[spread(model.codes, _CODES)]
+    nodes, codes = Nodes.of(model.poisson), _codes(model)
     if nodes is None:
         return surface
     for _ in range(_ROUNDS):
+        room = max(0, int(_SHARE * len(model.reference.vertices)) - len(nodes.vertices))
         distances = _distances(surface, nodes, codes)
         # In each node's cell the vertex that follows worst.
         worst = np.argsort(-distances, kind="stable")
         worst = worst[np.unique(nodes.influences[worst, 0], return_index=True)[1]]
-        worst = worst[np.argsort(-distances[worst])][:_ADDED]
+        worst = worst[np.argsort(-distances[worst])][: min(_ADDED, room)]
         worst = worst[distances[worst] > _CLOSE]
         nodes = Nodes.at(model.poisson, np.union1d(nodes.vertices, worst))
     V, links = len(model.reference.vertices), len(model.reference.links)
     decoder = model.decoder_at(np.append(nodes.vertices, V + np.arange(links)))
     return LiftedSurface(surface, nodes, decoder)
+
+
+def _codes(model: DeformationModel) -> FloatArray:
+    """Codes (n, K) of examples, and beyond them."""
+    prior, rng = model.prior, np.random.default_rng(0)
+    beyond = rng.normal(scale=_DEVIATIONS, size=(_CODES, model.components)) @ prior.factor.T
+    return np.concatenate([model.codes[spread(model.codes, _CODES)], prior.mean + beyond])
 
 
 def _distances(surface: DecodedSurface, nodes: Nodes, codes: FloatArray) -> FloatArray:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from deformer import Floor, HandleSolver, SurfacePoint, load_model, solve_to_rest
+from deformer.editing import lifted_surface
 from deformer.editing.nodes import Nodes
 from misfits import MISFIT
 from refined import refined
@@ -174,3 +175,27 @@ def test_rotations_pass_from_all_vertices_to_nodes_and_back(model, monkeypatch):
     lifted.prolong_rotations()
     assert not surface.has_rotations
     np.testing.assert_allclose(surface.quaternions, np.eye(4)[:1] + 0 * q, atol=1e-6)
+
+
+def farthest(surface, by_nodes, z):
+    """Largest distance of vertices that follow nodes from the surface of a code, no handles."""
+    found = []
+    for each in (surface, by_nodes):
+        each.reset()
+        each.decode(z)
+        each.solve()
+        each.move_to_targets(np.zeros((0, 3)))
+        found.append(each.positions(np.eye(3), np.zeros(3)))
+    return np.linalg.norm(found[0] - found[1], axis=1).max()
+
+
+def test_nodes_are_added_for_codes_beyond_the_examples(flag, monkeypatch):
+    of, model = Nodes.of, refined(flag, 1)
+    monkeypatch.setattr(Nodes, "of", lambda system: of(system, COUNT))
+    rng, away = np.random.default_rng(7), []
+    beyond = model.prior.mean + 2.0 * rng.normal(size=(5, model.components)) @ model.prior.factor.T
+    for deviations in (2.0, 0.0):
+        monkeypatch.setattr(lifted_surface, "_DEVIATIONS", deviations)
+        basis = HandleSolver(model).basis
+        away.append(max(farthest(basis.surface, basis.moving, z) for z in beyond))
+    assert away[0] < 0.9 * away[1]
