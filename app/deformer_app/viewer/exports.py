@@ -25,6 +25,7 @@ def export_pose(editor: Editor, path: str | Path) -> None:
     editor.wait_for_pose()
     mesh = Mesh(editor.vertices, editor.model.reference.faces)
     save_mesh(path, mesh, like=editor.model)
+    editor.note(f"Wrote {path}")
 
 
 def export_handles(editor: Editor, path: str | Path) -> None:
@@ -42,6 +43,7 @@ def export_handles(editor: Editor, path: str | Path) -> None:
         raise InputError(f"{path}: the solver is still being prepared; try again in a moment")
     editor.wait_for_pose()
     io.write_json(path, handles_file(editor.session))
+    editor.note(f"Wrote {path}")
 
 
 def handles_file(session: Session) -> dict[str, Any]:
@@ -59,6 +61,7 @@ def export_script(editor: Editor, path: str | Path) -> None:
     text = python_script(editor, Path(path).with_suffix(".ply").name)
     with io.atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+    editor.note(f"Wrote {path}")
 
 
 def save_screenshot(editor: Editor, path: str | Path) -> None:
@@ -74,3 +77,4 @@ def save_screenshot(editor: Editor, path: str | Path) -> None:
             f"use {', '.join(PICTURE_SUFFIXES)}"
         )
     save_sheet(Path(path), editor.state.view.picture())
+    editor.note(f"Wrote {path}")

@@ -33,7 +33,9 @@ def help_groups() -> dict[str, list[tuple[str, str]]]:
     """Return pairs of key or mouse action and effect, by menu."""
     groups = {"Mouse": list(MOUSE), "Panels": list(PANELS)}
     for menu in MENUS:
-        groups[menu] = [(a.key, a.title.rstrip("…")) for a in ACTIONS if a.key and a.menu == menu]
+        groups[menu] = [
+            (", ".join(a.keys), a.title.rstrip("…")) for a in ACTIONS if a.keys and a.menu == menu
+        ]
     return groups
 
 

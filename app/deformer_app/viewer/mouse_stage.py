@@ -86,20 +86,20 @@ class MouseStage:
             return "Click to look from this side, drag to turn"
         if found.part is not None:
             return "Drag along this part, or type a number meanwhile; Shift for a finer step"
-        if found.handle is not None:
+        name = None if found.handle is None else self._name_of(found.handle)
+        if name is not None:
             pinned = self._editor.pins.at(None, found.handle)
             size = "; Shift and wheel: its size" if pinned else ""
-            name = self._name_of(found.handle)
             return f"{name}: drag the handle; S soft, E exact, P pin, Del removes it" + size
         if found.vertex is not None:
             return f"Vertex {found.vertex}: click to place a handle, drag to pull it, P to pin it"
         return "Drag the body to bend it, beside it to look around.  F1: all keys"
 
-    def _name_of(self, number: int) -> str:
-        """The name of a handle; one that the last step has removed has none."""
+    def _name_of(self, number: int) -> str | None:
+        """The name of a handle; None of one that the last step has removed."""
         editor = self._editor
         found = [h for h in editor.edit.handles if h.id == number]
-        return editor.handles.names.of(found[0]) if found else "Handle"
+        return editor.handles.names.of(found[0]) if found else None
 
     def cube_at(self, pixel: Pixel) -> Side | None:
         """Return the part of the orientation cube at a pixel."""

@@ -57,7 +57,7 @@ class PlainWindow:
         self.editor = Editor(MeshView(self.plotter))
         self._file = file or Path("session.json")
         self._open, self._asked_to_close, self._helping = True, False, False
-        self._keys = {action.key: action for action in ACTIONS if action.key}
+        self._keys = {key: action for action in ACTIONS for key in action.keys}
         self.editor.on_change.append(self._hear)
         listen(self.editor.state.view, self.editor.controller.handle, self._handle_key)
         self.plotter.iren.interactor.AddObserver("ExitEvent", self._exit)

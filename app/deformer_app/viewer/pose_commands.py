@@ -111,6 +111,7 @@ def paste_mirrored(editor: Editor, text: str) -> None:
 def export_poses(editor: Editor, path: str | Path) -> None:
     """Write the session's saved poses as a library."""
     save_library(path, editor.session.shelf.poses, editor.session.model)
+    editor.note(f"Wrote {path}")
 
 
 def import_poses(editor: Editor, path: str | Path) -> None:

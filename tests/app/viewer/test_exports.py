@@ -9,13 +9,22 @@ import deformer
 from deformer import InputError, io
 from deformer_app.cli import fit as fitting
 from deformer_app.viewer import handle_changes
+from deformer_app.viewer.changes import NoticeGiven
 from deformer_app.viewer.edit import Edit, Handle
-from deformer_app.viewer.exports import handles_file
+from deformer_app.viewer.exports import (
+    export_handles,
+    export_pose,
+    export_script,
+    handles_file,
+    save_screenshot,
+)
 from deformer_app.viewer.gizmo import translation
 from deformer_app.viewer.handle_rows import handles_of_rows
 from deformer_app.viewer.model_files import start_codes
+from deformer_app.viewer.pose_commands import export_poses, save_pose
 from deformer_app.viewer.pose_worker import PoseWorker, Request, replay
 from deformer_app.viewer.session import ModelName, Session
+from off_screen_editor import finish, texts
 from shapes import small_model
 
 WANDERING = np.cumsum(np.random.default_rng(3).normal(size=(25, 3)), axis=0) * 0.03
@@ -229,3 +238,24 @@ def test_a_region_is_one_handle(tmp_path, row, part):
     io.write_json(tmp_path / "h.json", {"handles": rows, "regions": [[1, 2, 3]]})
     with pytest.raises(InputError, match=part):
         handles_of_rows("h.json", io.load_handles(tmp_path / "h.json", 5), 1)
+
+
+@pytest.mark.parametrize(
+    "export, name",
+    [
+        (export_pose, "pose.ply"),
+        (export_handles, "handles.json"),
+        (export_script, "pose.py"),
+        (export_poses, "poses.json"),
+        (save_screenshot, "picture.png"),
+    ],
+)
+def test_an_export_says_what_it_has_written(editor, heard, tmp_path, export, name):
+    editor.handles.place(100)
+    editor.commit("Place")
+    finish(editor)
+    save_pose(editor)
+    file = tmp_path / name
+    export(editor, file)
+    assert file.is_file()
+    assert texts(heard, NoticeGiven)[-1] == f"Wrote {file}"

@@ -62,6 +62,17 @@ def test_a_given_name_is_shown_everywhere_and_is_a_step_that_moves_nothing(edito
     assert handles.names.of(editor.edit.handle(1)).endswith(" 8")
 
 
+def test_no_hint_is_about_a_handle_that_undo_has_removed(editor, handles):
+    editor.state.hovered = replace(editor.state.hovered, handle=2)
+    assert "drag the handle" in editor.stage.hint
+    editor.undo()
+    finish(editor)
+    assert "drag the handle" not in editor.stage.hint
+    editor.redo()
+    finish(editor)
+    assert "drag the handle" in editor.stage.hint
+
+
 @pytest.mark.parametrize("name", ["foot", "a\nb", "x" * 61])
 def test_a_name_that_is_taken_or_none_changes_nothing(editor, handles, name):
     handles.names.rename(2, "foot")

@@ -133,6 +133,7 @@ class Action:
         rule: true if the menu has a line above it.
         tool: text of its button in the tool bar; empty without a button.
         ends_drag: false if a drag can go on while it runs, as it can for all of the menu View.
+        second_key: another shortcut, which menus do not show.
     """
 
     id: str
@@ -148,6 +149,12 @@ class Action:
     rule: bool = False
     tool: str = ""
     ends_drag: bool = True
+    second_key: str = ""
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Its shortcuts; the first is the one that menus show."""
+        return tuple(key for key in (self.key, self.second_key) if key)
 
 
 def carry_out(action: Action, shell: Shell) -> None:

@@ -22,7 +22,8 @@ def _copy_as_python(shell: Shell) -> None:
 EDIT: Sequence[Action] = (
     Action("undo", "Edit", "Undo", lambda s: s.editor.undo(), "Ctrl+Z", tool="Undo",
            enabled=lambda e: e.is_open and e.session.can_undo),
-    Action("redo", "Edit", "Redo", lambda s: s.editor.redo(), "Ctrl+Shift+Z", tool="Redo",
+    Action("redo", "Edit", "Redo", lambda s: s.editor.redo(), "Ctrl+Shift+Z",
+           second_key="Ctrl+Y", tool="Redo",
            enabled=lambda e: e.is_open and e.session.can_redo),
     Action("copy-python", "Edit", "Copy as Python", _copy_as_python, "Ctrl+Shift+C",
            "A script that makes this pose, for the clipboard", dialog=True, rule=True),

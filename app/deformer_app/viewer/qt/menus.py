@@ -53,8 +53,7 @@ class Menus:
         window.addToolBar(bar)
         for action in ACTIONS:
             item = QAction(action.title, window)
-            if action.key:
-                item.setShortcut(QKeySequence(action.key))
+            item.setShortcuts([QKeySequence(key) for key in action.keys])
             item.setStatusTip(action.about or action.title)
             item.setToolTip(tip(action))
             if action.id in OF_ACTIONS:

@@ -34,10 +34,21 @@ def test_what_cannot_be_done_is_disabled_and_a_recording_changes_its_title(app, 
 def test_every_action_has_a_menu_entry_and_no_key_is_given_twice(window):
     items = window.menus.items
     assert list(items) == [action.id for action in ACTIONS]
-    keys = [item.shortcut().toString() for item in items.values()]
-    keys = [key for key in keys if key]
+    keys = [key.toString() for item in items.values() for key in item.shortcuts()]
     assert len(keys) == len(set(keys)) > 20
     assert all(item.text() for item in items.values())
+
+
+@pytest.mark.parametrize("key", ["ctrl+shift+z", "ctrl+y"])
+def test_both_usual_keys_redo(app, window, hand, key):
+    rest(app, window)
+    place(window, 100)
+    window.editor.undo()
+    rest(app, window)
+    hand("key", key, "w")  # the second key comes after the first one has been served
+    wait_for(window.menus.items["wireframe"].isChecked, app.processEvents)
+    assert [handle.vertices for handle in window.editor.edit.handles] == [(100,)]
+    assert window.menus.items["redo"].shortcut().toString() == "Ctrl+Shift+Z"
 
 
 def test_names_of_handles_keep_their_room(app, window):
