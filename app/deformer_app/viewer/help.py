@@ -34,7 +34,7 @@ def help_groups() -> dict[str, list[tuple[str, str]]]:
     groups = {"Mouse": list(MOUSE), "Panels": list(PANELS)}
     for menu in MENUS:
         groups[menu] = [
-            (", ".join(a.keys), a.title.rstrip("…")) for a in ACTIONS if a.keys and a.menu == menu
+            (" or ".join(a.keys), a.title.rstrip("…")) for a in ACTIONS if a.keys and a.menu == menu
         ]
     return groups
 
