@@ -22,6 +22,7 @@ class EditableLabel(QLabel):
     def __init__(self, changed: Callable[[str], Any]) -> None:
         """Start without a text."""
         super().__init__()
+        self.setTextFormat(Qt.TextFormat.PlainText)  # a name may look like HTML
         self._changed = changed
         self._text = self._placeholder = ""
         self.field: QLineEdit | None = None

@@ -110,6 +110,7 @@ class Notices(QWidget):
         self.note = Strip("note")
         self.note.add_closing_mark(self.hide_note)
         self.recording = Strip("recording", ("Stop", stop_recording))
+        self.recording.read_html()
         self.recording.say("<b>●</b>&nbsp; Recording what the picture shows")
         self.preparing = PreparingStrip(self._arrange)
         self.wait = Strip("waiting")

@@ -63,6 +63,7 @@ class PoseStrip(QWidget):
         self.blend = Slider(lambda n: self._blend.move(n / STEPS), self._blend.commit)
         self.blend.setToolTip("From the present pose to the selected one")
         self._blend_label = QLabel()
+        self._blend_label.setTextFormat(Qt.TextFormat.PlainText)
         for shown in (self.saved, self.examples):
             shown.itemSelectionChanged.connect(lambda s=shown: self._choose(s))
             shown.started.connect(lambda row, s=shown: self._start(s.poses[row]))

@@ -31,6 +31,7 @@ class Strip(QFrame):
         super().__init__()
         self.setProperty("notice", kind)
         self._label = QLabel()
+        self._label.setTextFormat(Qt.TextFormat.PlainText)  # a name or a path may look like HTML
         self._label.setWordWrap(True)
         self._label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.row = QHBoxLayout(self)
@@ -50,6 +51,10 @@ class Strip(QFrame):
     def say(self, text: str) -> None:
         """Change the text of the line."""
         self._label.setText(text)
+
+    def read_html(self) -> None:
+        """Take texts as HTML from now on: they are the program's own, and name nothing."""
+        self._label.setTextFormat(Qt.TextFormat.RichText)
 
     def add_closing_mark(self, close: Callable[[], Any]) -> None:
         """Add a small cross at the right."""

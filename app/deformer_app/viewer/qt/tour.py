@@ -33,6 +33,7 @@ class Tour(Strip):
     def __init__(self, editor: Editor) -> None:
         """Start hidden."""
         super().__init__("tour", ("Next", self.go_on), ("End tour", self.end))
+        self.read_html()
         self._editor = editor
         self._step: int | None = None  # −1 while the solver is being prepared
         self._timer = QTimer(self)

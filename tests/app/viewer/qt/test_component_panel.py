@@ -92,6 +92,17 @@ def test_search_finds_names_numbers_and_regions(app, window, panel):
     assert sorted(shown(panel)) == list(range(6))
 
 
+def test_a_name_that_looks_like_html_is_shown_as_it_is(app, window, panel):
+    from PySide6.QtCore import Qt
+
+    row = panel.rows[2]
+    row.name.show_text("nod <b>", "nod <b>")
+    wide = row.name.sizeHint().width()
+    row.name.show_text("nod", "nod")
+    assert row.name.sizeHint().width() < wide
+    assert row.name.textFormat() == Qt.TextFormat.PlainText
+
+
 def test_a_name_is_edited_in_its_place(app, window, panel):
     from PySide6.QtCore import Qt
     from PySide6.QtTest import QTest

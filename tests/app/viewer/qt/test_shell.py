@@ -364,6 +364,19 @@ def test_notes_go_before_mistakes_which_are_closed_one_by_one(app, window, monke
     assert told.mistake.isHidden()
 
 
+def test_files_whose_names_look_like_html_are_told_as_they_are(app, window):
+    from PySide6.QtWidgets import QLabel
+
+    told = window.notices
+    for strip, show in ((told.note, told.show_note), (told.mistake, told.show_mistake)):
+        label = strip.findChild(QLabel)
+        label.setWordWrap(False)  # its width is then that of its text
+        show("Wrote pose.ply")
+        short = label.sizeHint().width()
+        show("Wrote <i>pose.ply</i>")
+        assert label.sizeHint().width() > short + 10
+
+
 def test_mistakes_go_by_themselves_all_of_them(app, window, monkeypatch):
     from deformer_app.viewer.qt import notices
 
