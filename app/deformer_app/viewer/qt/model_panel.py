@@ -162,5 +162,6 @@ class ModelPanel(QWidget):
         beyond = f"{percent / 100:.1f} × the farthest"
         self._meter.setFormat(f"{percent:.0f} % of examples" if percent <= 100 else beyond)
         colour = GOOD if percent <= 100 else FAIR if percent <= 150 else BAD
-        self._meter.setStyleSheet(f"QProgressBar::chunk {{ background: {colour}; }}")
+        text = " QProgressBar { color: #ffffff; }" if colour == BAD else ""  # it lies on the bar
+        self._meter.setStyleSheet(f"QProgressBar::chunk {{ background: {colour}; }}{text}")
         self._error.setText("no target" if answer.error is None else f"{answer.error:.3g}")
