@@ -173,6 +173,12 @@ def blocks(rows: Rows, size: int = _BLOCK) -> list[slice]:
 Empty = Callable[[tuple[int, ...]], Rows]
 
 
+def _gigabytes(size: float, whole: Callable[[float], int]) -> str:
+    """Three digits, rounded by `whole`: up for what is needed, so that as much is enough."""
+    digit = 10.0 ** (math.floor(math.log10(size)) - 2)
+    return rounded(whole(size / digit) * digit / 1e9)
+
+
 def in_memory(shape: tuple[int, ...]) -> Rows:
     """An array of double precision in memory, whatever its size."""
     return np.empty(shape)
@@ -193,7 +199,7 @@ class Workspace:
         """Nothing is allotted yet."""
         if memory is None:
             memory = max(_LEAST_DEFAULT, _SHARE * free_memory())
-        remedy = f"give at least {LEAST_MEMORY:g} bytes, or leave it out"
+        remedy = f"give at least {LEAST_MEMORY / 1e6:g}MB ({LEAST_MEMORY:g} bytes), or leave it out"
         self.limit = checked_number(memory, "memory", least=LEAST_MEMORY, remedy=remedy)
         self.folder = None if folder is None else checked_path(folder, "cache")
         if self.folder is not None and not self.folder.is_dir():
@@ -219,8 +225,9 @@ class Workspace:
         if size > self._left:
             needed = self.limit - self._left + size
             raise InputError(
-                f"{what}: would take {rounded(needed / 1e9)} GB of memory, expected at most the "
-                f"{rounded(self.limit / 1e9)} GB that it may use; ask for less or give more memory"
+                f"{what}: would take {_gigabytes(needed, math.ceil)} GB of memory, expected at "
+                f"most the {_gigabytes(self.limit, math.floor)} GB that it may use; give it as much "
+                "as that, or ask for less"
             )
         self._left, self._reserved = self._left - size, size
 

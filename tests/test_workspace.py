@@ -65,7 +65,7 @@ def test_what_is_reserved_counts(tmp_path):
     workspace = Workspace(LEAST_MEMORY + 1000, tmp_path)
     workspace.reserve(900, "training")
     assert isinstance(workspace.empty((80,), np.uint8), StoredArray)
-    with pytest.raises(InputError, match=r"training: would take 0\.5 GB of memory"):
+    with pytest.raises(InputError, match=r"training: would take 0\.501 GB of memory"):
         workspace.reserve(1100, "training")
     workspace.reserve(100, "training")  # in place of what was reserved before
     assert isinstance(workspace.empty((400,), np.uint8), np.ndarray)
@@ -81,6 +81,18 @@ def test_what_is_reserved_counts(tmp_path):
 def test_bad_limits_are_one_line(arguments, message):
     with pytest.raises(InputError, match=message):
         Workspace(*arguments)
+
+
+def test_the_memory_that_a_message_asks_for_is_enough():
+    with pytest.raises(InputError, match="would take") as told:
+        Workspace(809e6).reserve(309_300_000, "training")
+    assert "would take 0.81 GB of memory, expected at most the 0.809 GB" in str(told.value)
+    Workspace(0.81e9).reserve(309_300_000, "training")
+
+
+def test_too_small_a_limit_is_told_in_the_units_of_the_command_line():
+    with pytest.raises(InputError, match=r"give at least 500MB"):
+        Workspace(10e6)
 
 
 def test_a_folder_without_room_is_told(tmp_path):

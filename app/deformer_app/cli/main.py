@@ -394,6 +394,12 @@ def fit(
     if len(handles) > 1 or cluster is not None:
         from deformer_app.cli import many_fits
 
+        for option, value in (("--memory", memory), ("--cache", cache)):
+            if value is not None:
+                raise deformer.InputError(
+                    f"{option}: fits of several files and on a cluster have their results in "
+                    "memory; leave it out, or fit one file without --cluster"
+                )
         options = fitting.Options(hard, noise, smoothness, device, backend)
         with console.progress("fitting") as report:
             result = many_fits.run(

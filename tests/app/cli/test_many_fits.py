@@ -89,6 +89,17 @@ def test_mistakes_come_before_any_fit(refuse, model_path, takes, tmp_path):
     assert "name a directory" in refuse("fit", model_path, *takes, "-o", tmp_path / "all.glb")
 
 
+@pytest.mark.parametrize("option", [("--memory", "1GB"), ("--cache", ".")])
+def test_a_limit_of_memory_that_would_not_count_is_refused(
+    option, refuse, model_path, takes, tmp_path
+):
+    for given in (takes[:2], [takes[0], "--cluster", "local:1"]):
+        out = tmp_path / "out"
+        message = refuse("fit", model_path, *given, "-o", out, *option)
+        assert option[0] in message and "leave it out" in message
+        assert not out.exists()
+
+
 def test_a_fit_that_fails_leaves_the_others(refuse, model_path, takes, tmp_path, monkeypatch):
     from deformer_app.cli import fit
 
