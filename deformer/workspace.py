@@ -8,6 +8,7 @@ when the process ends, however it ends.
 from __future__ import annotations
 
 import math
+import os
 import shutil
 import tempfile
 import threading
@@ -192,7 +193,7 @@ class Workspace:
         folder: for temporary files; None is the system's folder for them.
 
     Raises:
-        InputError: less memory than the libraries alone take, or no such folder.
+        InputError: less memory than the libraries alone take, or no folder that is writable.
     """
 
     def __init__(self, memory: float | None = None, folder: str | Path | None = None) -> None:
@@ -204,6 +205,8 @@ class Workspace:
         self.folder = None if folder is None else checked_path(folder, "cache")
         if self.folder is not None and not self.folder.is_dir():
             raise InputError(f"cache: {self.folder} is no directory; create it or name another")
+        if self.folder is not None and not os.access(self.folder, os.W_OK | os.X_OK):
+            raise InputError(f"cache: {self.folder} is not writable; name another")
         self._left, self._reserved = self.limit - LEAST_MEMORY, 0.0
 
     @property
@@ -226,8 +229,8 @@ class Workspace:
             needed = self.limit - self._left + size
             raise InputError(
                 f"{what}: would take {_gigabytes(needed, math.ceil)} GB of memory, expected at "
-                f"most the {_gigabytes(self.limit, math.floor)} GB that it may use; give it as much "
-                "as that, or ask for less"
+                f"most the {_gigabytes(self.limit, math.floor)} GB that it may use; give it as "
+                "much, or ask for less"
             )
         self._left, self._reserved = self._left - size, size
 
@@ -259,16 +262,18 @@ class Workspace:
 
     def growing(self) -> IO[bytes]:
         """A temporary file for what has no known size, such as entries of a list that is read."""
-        return tempfile.TemporaryFile(dir=self._where(), prefix="deformer-")
+        return tempfile.TemporaryFile(dir=self.place, prefix="deformer-")
 
-    def _where(self) -> Path:
+    @property
+    def place(self) -> Path:
+        """The folder of temporary files."""
         return Path(tempfile.gettempdir()) if self.folder is None else self.folder
 
     def _release(self, size: int) -> None:
         self._left += size
 
     def _file(self, size: int) -> IO[bytes]:
-        where = self._where()
+        where = self.place
         free = shutil.disk_usage(where).free
         if size > free:
             raise InputError(

@@ -1,6 +1,7 @@
 """Arrays in files: what is read is what was written, and the limit of memory is kept."""
 
 import gc
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -93,6 +94,13 @@ def test_the_memory_that_a_message_asks_for_is_enough():
 def test_too_small_a_limit_is_told_in_the_units_of_the_command_line():
     with pytest.raises(InputError, match=r"give at least 500MB"):
         Workspace(10e6)
+
+
+def test_a_folder_that_is_not_writable_is_told_before_any_work(tmp_path, monkeypatch):
+    # Told only when it was written to, the failure had the name of the file that was being read.
+    monkeypatch.setattr("os.access", lambda path, mode: Path(path) != tmp_path)
+    with pytest.raises(InputError, match=r"cache: .* is not writable; name another"):
+        Workspace(1e9, tmp_path)
 
 
 def test_a_folder_without_room_is_told(tmp_path):

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import IO, TYPE_CHECKING, overload
 
+from deformer.errors import InputError
 from deformer.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -35,9 +36,20 @@ class StoredFrames(Sequence["Frame"]):
         return self._workspace.growing()
 
     def append(self, frame: Frame) -> None:
-        """Add a frame at the end."""
-        self._file.seek(self._starts[-1])
-        self._starts.append(self._starts[-1] + self._file.write(pickle.dumps(frame)))
+        """Add a frame at the end.
+
+        Raises:
+            InputError: the folder has no room for it.
+        """
+        try:
+            self._file.seek(self._starts[-1])
+            self._starts.append(self._starts[-1] + self._file.write(pickle.dumps(frame)))
+        except OSError as error:
+            # Left to whoever reads the handles, it would be told as a fault of their file.
+            raise InputError(
+                f"{self._workspace.place}: a temporary file cannot be written ({error.strerror}); "
+                "make room or name another folder for the cache"
+            ) from error
 
     def __len__(self) -> int:
         """Count the frames."""

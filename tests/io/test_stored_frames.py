@@ -1,11 +1,13 @@
 """Frames of a handles file that are in a temporary file are those in memory, as arrays, too."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from deformer import Workspace, io
+from deformer import InputError, Workspace, io
+from deformer.io.stored_frames import StoredFrames
 from deformer.workspace import LEAST_MEMORY, StoredArray
 
 FACES = np.array([[0, 1, 2], [0, 2, 3]])
@@ -77,3 +79,13 @@ def test_arrays_in_files_are_those_in_memory(path):
         np.testing.assert_array_equal(rows[:], getattr(whole, name), err_msg=name)
     plain = io.handle_tracks([frame for frame in frames if not frame])
     assert plain.points == [] and plain.orientations is None and plain.gaps is None
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_full_folder_is_told_and_not_the_file_that_is_read(tmp_path, monkeypatch):
+    with Path("/dev/full").open("r+b", buffering=0) as full:
+        monkeypatch.setattr(Workspace, "growing", lambda workspace: full)
+        frames = StoredFrames(Workspace(1e9, tmp_path))
+        with pytest.raises(InputError, match=r"cannot be written .* for the cache") as told:
+            frames.append(())
+    assert str(told.value).startswith(str(tmp_path))

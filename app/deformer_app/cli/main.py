@@ -321,8 +321,8 @@ def fit(
             '\\[\\[…handles…], …]} for a sequence. Optional: "weight"; "kind", "soft", "exact" or '
             '"pin"; "face" with "barycentric" in place of "vertex"; "offset" along the normal; '
             '"orientation" \\[w, x, y, z], of the surface relative to the reference. Beside them '
-            '"noise", as --noise. Of several files each has a result of its name in the directory '
-            "OUTPUT.",
+            '"noise", as --noise. Of several files, or with --cluster, each has a result of its '
+            "name in the directory OUTPUT.",
             show_default=False,
         ),
     ] = None,

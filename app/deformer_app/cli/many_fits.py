@@ -64,8 +64,8 @@ def run(
     """
     if output.is_file() or output.suffix.lower() in _SUFFIXES:
         raise deformer.InputError(
-            f"{output}: names one file for the results of {len(paths)} handles files; name a "
-            "directory"
+            f"{output}: names one file, but results of several handles files, or of a cluster, go "
+            "into a directory; name a directory"
         )
     loaded = deformer.load_model(model)
     takes = _takes(loaded, model, paths, output, suffix, options)
