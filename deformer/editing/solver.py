@@ -93,7 +93,8 @@ class HandleSolver:
             the distance between them (`handle_errors`). None is the model's, for the number of
             handles (`DeformationModel.misfit_of`); 0 trusts its codes.
         relaxation: the most rounds of rigid relaxation (a local and a global step) for hard
-            handles; 0 is the Schur complement alone.
+            handles; 0 is the Schur complement alone. More than the default recover some bodies
+            better, and thin legs worse.
     """
 
     def __init__(
@@ -104,7 +105,7 @@ class HandleSolver:
         noise: float | None = None,
         freedom: float | Body | None = None,
         misfit: float | None = None,
-        relaxation: int = 40,
+        relaxation: int = 20,
     ) -> None:
         """Prepare the model's factorisations; handles are set later."""
         checked_instance(model, "model", DeformationModel, remedy="load it with load_model")

@@ -23,10 +23,6 @@ from deformer.training.cross_validation import (
 )
 from deformer.training.training_set import TrainingSet
 
-# Rounds of rigid relaxation: more of them change the errors by all noises alike; 10 are too few on
-# small sets.
-_RELAXATION = 20
-
 # λ₁ and the shapes that a model is trained on.
 Key = tuple[float | None, bytes]
 
@@ -190,7 +186,7 @@ def recover(
         values: M values, in increasing order.
         options: of `HandleSolver`.
     """
-    solver = HandleSolver(model, relaxation=_RELAXATION, **options)
+    solver = HandleSolver(model, **options)
     fit = partial(exact_fits, solver, varied)
     return (yield from case.errors(fit, values))
 
