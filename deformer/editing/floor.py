@@ -27,7 +27,7 @@ _DEVIATION = 1e-3
 _TOUCHING, _LEAVING, _APART = 5e-4, 1e-2, 3e-2
 # The most contacts, and the most new ones of a solve, each of which costs a back-substitution; and
 # those of a sequence, in which other vertices touch the floor in other frames.
-_MOST, _MOST_NEW = 12, 4
+MOST_CONTACTS, _MOST_NEW = 12, 4
 _MOST_OF_SEQUENCE, _MOST_NEW_OF_SEQUENCE = 32, 12
 
 
@@ -142,7 +142,7 @@ class FloorContacts:
             return []
         depths = self.floor.depths(surface) / self._diagonal
         found = [v for v in self.vertices if depths[v] > -_LEAVING]
-        return self._with_deepest(found, depths, min(len(found) + _MOST_NEW, _MOST))
+        return self._with_deepest(found, depths, min(len(found) + _MOST_NEW, MOST_CONTACTS))
 
     def add(self, depths: FloatArray) -> bool:
         """Add contacts where vertices are too deep in any frame of a sequence; True if any are.

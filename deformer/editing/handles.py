@@ -117,6 +117,7 @@ class Pose:
         milliseconds: time of the solve.
         prior_distance: Mahalanobis distance of z from the prior's mean.
         energy: value of `HandleEnergy` at the solution.
+        contacts: vertices by which the shape stands on the floor, if there is one.
     """
 
     vertices: FloatArray
@@ -129,6 +130,7 @@ class Pose:
     milliseconds: float
     prior_distance: float
     energy: float
+    contacts: tuple[int, ...] = ()
 
 
 def check_target(

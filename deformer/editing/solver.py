@@ -15,6 +15,7 @@ from deformer.checks import (
     as_array,
     checked_array,
     checked_flag,
+    checked_indices,
     checked_instance,
     checked_integer,
     checked_number,
@@ -22,7 +23,7 @@ from deformer.checks import (
 from deformer.compilation import compile_kernels
 from deformer.editing.bodies import Body, checked_freedom
 from deformer.editing.energy import HandleEnergy
-from deformer.editing.floor import Floor, FloorContacts, FloorTerm
+from deformer.editing.floor import MOST_CONTACTS, Floor, FloorContacts, FloorTerm
 from deformer.editing.green_functions import HandleBasis
 from deformer.editing.handles import (
     Handle,
@@ -293,7 +294,13 @@ class HandleSolver:
             self._search.energy_changed()
         return changed
 
-    def restore(self, z: ArrayLike, rotation: ArrayLike, translation: ArrayLike) -> Pose:
+    def restore(
+        self,
+        z: ArrayLike,
+        rotation: ArrayLike,
+        translation: ArrayLike,
+        contacts: Sequence[int] = (),
+    ) -> Pose:
         """Make an earlier solution the last one; the next warm solve starts from it.
 
         The pose depends on the solution and the handles alone, not on what was solved before: rigid
@@ -303,16 +310,38 @@ class HandleSolver:
             z: (K,) latent code.
             rotation: (3,) rotation vector of the rigid motion, as in `Pose`.
             translation: (3,) its translation, as in `Pose`.
+            contacts: as in `Pose`; without them the next solve finds others, and ends a little
+                elsewhere. Without a floor they are ignored.
+
+        Raises:
+            InputError: a code of another length, numbers that are not finite, contacts that are no
+                vertices or too many.
         """
         energy = self.energy
         code = self._code(z, "z")
+        touching = self._checked_contacts(contacts)
         rotation = checked_array(rotation, "rotation", (3,), largest=LARGEST)
         t = checked_array(translation, "translation", (3,)) / energy.diagonal
         checked_array(t, "translation", largest=LARGEST)
         begun = time.perf_counter()
+        if touching != self._contacts.vertices:
+            self._contacts.vertices = touching
+            self._assign(self._handles)
         with one_blas_thread():
             state = self._search.restart(energy.unknowns(code, rotation, t))
             return self._pose(begun, state, 0, self._surface.relaxed(state))
+
+    def _checked_contacts(self, contacts: Sequence[int]) -> list[int]:
+        """Contacts with the floor among the vertices of the surface without seams."""
+        vertices = self.model.reference.vertices
+        found = checked_indices(contacts, "contacts", len(vertices), what="vertex").tolist()
+        if len(found) > MOST_CONTACTS:
+            raise InputError(
+                f"contacts: expected at most {MOST_CONTACTS} vertices, got {len(found)}; leave "
+                "them out"
+            )
+        closed = [closed_point(self.model, vertex) for vertex in found]
+        return [v for v in closed if isinstance(v, int)] if self._contacts.floor else []
 
     def relax(self) -> Pose:
         """The pose of the last solution, its rigid relaxation run anew until it ends (`restore`).
@@ -533,6 +562,7 @@ class HandleSolver:
             milliseconds=1000.0 * (time.perf_counter() - begun),
             prior_distance=float(np.linalg.norm(x.code)),
             energy=state.energy,
+            contacts=tuple(self.model.seams.first[self._contacts.vertices].tolist()),
         )
 
 

@@ -80,11 +80,13 @@ class HandleStart:
         z: (K,) latent code.
         rotation: (3,) rotation vector of the rigid motion, in radians.
         translation: (3,) of the rigid motion, in the mesh's units.
+        contacts: vertices by which the shape stands on the floor.
     """
 
     z: tuple[float, ...]
     rotation: tuple[float, ...] = (0.0, 0.0, 0.0)
     translation: tuple[float, ...] = (0.0, 0.0, 0.0)
+    contacts: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -201,7 +203,7 @@ def load_handles(
         )
     noise = data["noise"].number(above=0, most=LARGEST) if "noise" in data else None
     prior = _prior(data, components, len(found) if is_sequence else None)
-    start = _start(data, components)
+    start = _start(data, vertex_count, components)
     if noise is not None and prior.noise is not None:
         raise InputError(
             f"{data['prior']['noise']}: the file also has noise, that of the positions; remove one"
@@ -249,17 +251,19 @@ def _prior(data: JsonValue, components: int | None, frames: int | None) -> Handl
     )
 
 
-def _start(data: JsonValue, components: int | None) -> HandleStart | None:
+def _start(data: JsonValue, vertex_count: int, components: int | None) -> HandleStart | None:
     if "start" not in data:
         return None
     start = data["start"]
-    start.check_keys(("z",), ("rotation", "translation"))
+    start.check_keys(("z",), ("rotation", "translation", "contacts"))
     motion = {
         key: start[key].numbers(3, largest=LARGEST)
         for key in ("rotation", "translation")
         if key in start
     }
-    return HandleStart(start["z"].numbers(components, largest=LARGEST), **motion)
+    contacts = start["contacts"].integers(0, vertex_count - 1) if "contacts" in start else ()
+    z = start["z"].numbers(components, largest=LARGEST)
+    return HandleStart(z, **motion, contacts=tuple(contacts))
 
 
 def _frame(

@@ -97,6 +97,35 @@ def test_a_pose_is_restored_from_its_solution(model, floor, diagonal):
     assert largest(again.vertices - pose.vertices) < 1e-6 * diagonal
 
 
+def test_a_restored_pose_at_rest_stays_on_its_contacts(model, floor, diagonal):
+    """Its history chose them: without them the solver finds others, deeper ones alone."""
+    solver, shown = solver_at(model, [115, 4], floor)
+    for step in range(1, 9):
+        solver.drag(115, shown[115] + 0.04 * step * diagonal * np.array([0.2, -1.0, 0.0]))
+    pose = solve_to_rest(solver)
+    assert pose.contacts
+    assert floor.depths(pose.vertices[list(pose.contacts)]).min() > -1e-2 * diagonal
+    other, _ = solver_at(model, [115, 4], floor)
+    handles = solver.handles
+    other.set_handles([h.vertex for h in handles], [h.target for h in handles])
+    again = other.restore(pose.z, pose.rotation, pose.translation, pose.contacts)
+    assert again.contacts == pose.contacts
+    assert again.energy == pytest.approx(pose.energy, rel=1e-9)
+    assert largest(solve_to_rest(other).vertices - pose.vertices) < 1e-6 * diagonal
+    assert other.restore(pose.z, pose.rotation, pose.translation).contacts == ()
+
+
+def test_contacts_that_make_no_sense_are_refused(model, floor):
+    solver, _ = solver_at(model, [115], floor)
+    nothing = model.codes[0], np.zeros(3), np.zeros(3)
+    with pytest.raises(InputError, match=r"contacts.*120"):
+        solver.restore(*nothing, contacts=[120])
+    with pytest.raises(InputError, match="contacts: expected at most 12 vertices, got 13"):
+        solver.restore(*nothing, contacts=range(13))
+    solver.set_floor(None)
+    assert solver.restore(*nothing, contacts=[3]).contacts == ()
+
+
 def test_a_cold_solve_keeps_above_the_floor_too(model, floor, diagonal):
     solver, shown = solver_at(model, [115], floor)
     solver.set_handles([115], [shown[115] - [0.0, 0.3 * diagonal, 0.0]])

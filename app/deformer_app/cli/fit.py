@@ -113,7 +113,7 @@ def pose(
         gaps=[handle.gap for handle in frame],
     )
     if start is not None:
-        solver.restore(start.z, start.rotation, start.translation)
+        solver.restore(start.z, start.rotation, start.translation, start.contacts)
         found = deformer.solve_to_rest(solver)
     else:
         found = solver.solve()

@@ -88,12 +88,14 @@ class Solution:
         rotation: (3,) rotation vector of the rigid motion, in radians.
         translation: (3,) of the rigid motion.
         final: true if it is the pose at rest; else the solver goes on from it.
+        contacts: vertices by which it stands on the floor.
     """
 
     z: tuple[float, ...]
     rotation: Point
     translation: Point
     final: bool = True
+    contacts: tuple[int, ...] = ()
 
     @classmethod
     def of_code(cls, z: tuple[float, ...]) -> Solution:

@@ -71,7 +71,7 @@ class Answer:
         """The pose's code and motion."""
         pose = self.pose
         motion = point(pose.rotation), point(pose.translation)
-        return Solution(tuple(pose.z.tolist()), *motion, self.final)
+        return Solution(tuple(pose.z.tolist()), *motion, self.final, pose.contacts)
 
 
 class PoseWorker:
@@ -123,7 +123,8 @@ class PoseWorker:
         self._follow(edit)
         solver = self._solver
         if solution is not None:
-            return solver.restore(solution.z, solution.rotation, solution.translation)
+            motion = solution.rotation, solution.translation
+            return solver.restore(solution.z, *motion, solution.contacts)
         if not edit.handles:
             return solver.restore(edit.base, np.zeros(3), np.zeros(3))
         if fresh:

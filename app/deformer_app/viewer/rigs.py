@@ -81,7 +81,7 @@ def load_handles(editor: Editor, path: str | Path) -> None:
     solution = None
     if start is not None:
         motion = point(start.rotation), point(start.translation)
-        solution = Solution(start.z, *motion, final=False)
+        solution = Solution(start.z, *motion, final=False, contacts=start.contacts)
     editor.restore("Load handles", loaded, solution)
     editor.note_units()
     editor.handles.select([handle.id for handle in handles])

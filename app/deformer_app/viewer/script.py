@@ -56,6 +56,8 @@ def python_script(editor: Editor, output: str = "pose.ply") -> str:
         if name not in _DEFAULTS or any(value != _DEFAULTS[name] for value in values)
     }
     start = {"z": solution.z, "rotation": solution.rotation, "translation": solution.translation}
+    if solution.contacts:
+        start["contacts"] = solution.contacts
     if edit.handles:
         lines += ["", *_call("solver.set_handles", **needed)]
         lines += ["", "# What was shown. After a change of handles, solve_to_rest goes on from it."]

@@ -250,6 +250,8 @@ class Session:
         if solution is not None:
             motion = {"rotation": solution.rotation, "translation": solution.translation}
             found["start"] = {"z": list(solution.z), **motion}
+            if solution.contacts:
+                found["start"]["contacts"] = list(solution.contacts)
         return found
 
     def save(self, path: str | Path) -> None:
@@ -339,6 +341,12 @@ class Session:
         K, V = model.components, len(model.reference.vertices)
         for n, entry in enumerate(self.entries):
             check_clip_fits(entry.clip, K, f"{where}: entries[{n}]")
+            touching = entry.solution.contacts if entry.solution else ()
+            if max(touching, default=0) >= V:
+                raise InputError(
+                    f"{where}: entries[{n}]: a contact at vertex {max(touching)}, expected one of "
+                    f"the model's {V}; restore the file"
+                )
             codes = [entry.edit.base, *([entry.solution.z] if entry.solution else [])]
             for code in codes:
                 if len(code) != K:
@@ -383,7 +391,8 @@ def _entry(
         parts = _point(found["rotation"]), _point(found["translation"])
         # Sessions of earlier versions show every solution as it is.
         final = found["final"].flag() if "final" in found else True
-        solution = Solution(_numbers(found["z"]), *parts, final)
+        contacts = tuple(found["contacts"].integers(least=0)) if "contacts" in found else ()
+        solution = Solution(_numbers(found["z"]), *parts, final, contacts)
     clip = clips[item["clip"].integer(0, len(clips) - 1)] if clips else NO_KEYS
     return Entry(item["label"].text(), edit, solution, clip)
 

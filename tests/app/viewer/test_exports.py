@@ -159,6 +159,18 @@ def wandering(person):
     person.drag(person.place(115), WANDERING)
 
 
+def on_a_floor(person):
+    """A part is pulled under the floor, and another one raised: some vertices touch it."""
+    height = float(person.pose.vertices[:, 1].min()) - 0.02
+    person.do(replace(person.edit, floor=height))
+    person.place(4)
+    person.kind(1, "pin")
+    down = np.outer(np.linspace(0.1, 1.0, 8), [0.1, -0.6, 0.0])
+    person.drag(person.place(115), down)
+    assert person.session.entry.solution.contacts
+    person.drag(person.place(60), down * [1.0, -0.5, 0.5])
+
+
 @pytest.mark.parametrize(
     "story",
     [
@@ -174,6 +186,7 @@ def wandering(person):
         body_stays,
         undo_and_redo,
         wandering,
+        on_a_floor,
     ],
 )
 def test_fit_makes_the_same_pose(tmp_path, story):
