@@ -147,9 +147,7 @@ class NetworkFactorisation:
         """Weights with links fitted, and the terms of the loss; no step follows."""
         fit_links(self._problem, self._links)
         terms = self._problem.terms()
-        weights = _weights(self._problem, self._unit, self._bias)
-        del self._problem  # its pieces are several times as large as the weights
-        return weights, terms
+        return _weights(self._problem, self._unit, self._bias), terms
 
 
 def fit_links(problem: Factorisation, links: int) -> None:
@@ -213,13 +211,13 @@ def _in_front_of_tanh(
 def _weights(problem: Factorisation, unit: float, bias: FloatArray) -> NetworkWeights:
     """Weights of the autoencoder whose decoder is tanh(unit Cᵀ z + bias).
 
-    They are filled tile by tile: of a large mesh, all of C beside them would be too much.
+    The problem's components are gone then: of a large mesh there is no room for both.
     """
     identity = np.eye(FEATURES, dtype=np.float32)
     nothing = np.zeros_like(identity)
     convolution = ConvolutionWeights(identity, nothing, nothing[0], bias.astype(np.float32))
     K = len(problem.centres)
     components = np.zeros((problem.data.shape[1], FEATURES, K), dtype=np.float32)
-    for sites, C in problem.components_by_tile():
+    for sites, C in problem.taken_components():
         np.multiply(C.reshape(K, -1, FEATURES).transpose(1, 2, 0), unit, out=components[sites])
     return NetworkWeights((convolution,), components)

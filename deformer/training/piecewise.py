@@ -75,21 +75,27 @@ class Piecewise:
                 take(following, early.pop(following))
                 following += 1
 
-    def each(self, name: str) -> Iterator[tuple[slice, NDArray]]:
-        """Sites of each tile, and the attribute `name` (count, m·D) of its piece, if there are."""
+    def taken(self, name: str) -> Iterator[tuple[slice, NDArray]]:
+        """Sites of each tile, and the attribute `name` (count, m·D) of its piece, which is gone."""
         for t, piece in enumerate(self._pieces):
-            if self._executor is None:
-                found = getattr(piece, name)
-            else:
+            self._pieces[t] = None
+            if self._executor is not None:
                 [found] = results(self._executor, [self._executor.submit(_attribute, piece, name)])
+            else:
+                found = getattr(piece, name)
+            del piece
             yield self._data.sites(t), found
+        self._pieces = []
 
     def gather(self, name: str, count: int) -> NDArray:
         """The attribute `name` (count, m·D) of all pieces, together (count, M·D); 0 without any."""
         _, M, D = self._data.shape
         if not self._pieces:
             return np.zeros((count, M * D), dtype=self._data.dtype)
-        return np.concatenate([found for _, found in self.each(name)], axis=1)
+        if self._executor is None:
+            return np.concatenate([getattr(piece, name) for piece in self._pieces], axis=1)
+        tasks = [self._executor.submit(_attribute, piece, name) for piece in self._pieces]
+        return np.concatenate(results(self._executor, tasks), axis=1)
 
 
 def _changed(

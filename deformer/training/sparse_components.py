@@ -186,9 +186,9 @@ class Factorisation:
         C *= self._scales[:, None]
         return C
 
-    def components_by_tile(self) -> Iterator[tuple[slice, NDArray]]:
-        """Sites of each tile, and the components (K, m·D) there, not all of them in memory."""
-        for sites, C in self._pieces.each("C"):
+    def taken_components(self) -> Iterator[tuple[slice, NDArray]]:
+        """Sites of each tile, and the components (K, m·D) there, which are gone then."""
+        for sites, C in self._pieces.taken("C"):
             yield sites, C * self._scales[:, None]
 
     def start(self) -> None:
