@@ -350,7 +350,7 @@ class DecodedSurface:
         """Move the positions on by a momentum, for the next local step."""
         self._x[:] = momentum.moved_on(self._x)
 
-    def relax(self, steps: int, over: float = OVER_RELAXATION) -> None:
+    def relax(self, steps: int, over: float = float(OVER_RELAXATION)) -> None:
         """Local step: fit the rotations, vertex by vertex, to the edges of the positions.
 
         The step runs in other threads after the call returns; methods that need it wait for it.
