@@ -18,10 +18,16 @@ def test_a_pose_is_exported_like_the_document(tmp_path):
     data = b"# by hand\n" + deformer.io.mesh_bytes(reference, ".obj")
     document = deformer.Document(".obj", data, "a", len(reference.vertices), reference.faces)
     model = replace(small_model(), document=document)
+    notes: list[str] = []
     editor = SimpleNamespace(
-        preparing=False, wait_for_pose=lambda: None, vertices=reference.vertices + 1, model=model
+        preparing=False,
+        wait_for_pose=lambda: None,
+        vertices=reference.vertices + 1,
+        model=model,
+        note=notes.append,
     )
     export_pose(editor, tmp_path / "pose.obj")  # pyright: ignore
+    assert notes == [f"Wrote {tmp_path / 'pose.obj'}"]
     assert (tmp_path / "pose.obj").read_bytes() == document.write(reference.vertices + 1)
     assert (tmp_path / "pose.obj").read_bytes().startswith(b"# by hand\n")
 
