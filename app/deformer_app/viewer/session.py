@@ -185,11 +185,17 @@ class Session:
     def solved(self, edit: Edit, solution: Solution) -> None:
         """Store the pose of the shown entry, if it is the solution of that edit.
 
-        One that is not final does not replace one that is.
+        A final one stays: another pose of the same edit may be that of another entry, as where a
+        step changes keys alone, which comes while the user goes on to this one.
         """
         last = self.entry.solution
-        better = solution.final or last is None or not last.final
-        if better and self._live is None and edit == self.entry.edit:
+        missing = last is None or not last.final
+        if missing and self._live is None and edit == self.entry.edit:
+            self._replace_entry(replace(self.entry, solution=solution))
+
+    def show_solution(self, solution: Solution) -> None:
+        """Make a known pose, as a clip's, that of the shown entry; not during a change."""
+        if self._live is None:
             self._replace_entry(replace(self.entry, solution=solution))
 
     @property

@@ -105,6 +105,22 @@ def test_a_pose_on_its_way_does_not_replace_the_one_at_rest():
     assert work.entry.solution == ANSWER
 
 
+def test_the_pose_of_another_entry_of_the_same_edit_does_not_replace_the_one_at_rest():
+    """A step that changes keys alone has the edit of the one before, whose pose comes late."""
+    work = session()
+    work.do("Place", work.edit.with_handles([handle(1)]))
+    work.solved(work.edit, ANSWER)
+    late = replace(ANSWER, z=(1.0, 2.0, 3.0))
+    work.solved(work.edit, late)
+    assert work.entry.solution == ANSWER
+    work.show_solution(late)
+    assert work.entry.solution == late
+    work.change(replace(work.edit, noise=1.0))
+    work.show_solution(ANSWER)
+    work.revert()
+    assert work.entry.solution == late
+
+
 def test_saving_and_loading_gives_every_number_back(tmp_path):
     work = session()
     work.do("Place", work.edit.with_handles([handle(1, kind="pin"), handle(2, 9, weight=0.3)]))

@@ -33,5 +33,5 @@ def change_state(editor: Editor, label: str, edit: Edit, clip: Clip) -> bool:
 def solve_shown(editor: Editor, solution: Solution | None) -> None:
     """Solve for the present state, or show the pose of a solution that is known."""
     if solution is not None:
-        editor.session.solved(editor.edit, solution)
+        editor.session.show_solution(solution)
     editor.ask(solution)
