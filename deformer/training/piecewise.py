@@ -79,10 +79,7 @@ class Piecewise:
         """Sites of each tile, and the attribute `name` (count, m·D) of its piece, which is gone."""
         for t, piece in enumerate(self._pieces):
             self._pieces[t] = None
-            if self._executor is not None:
-                [found] = results(self._executor, [self._executor.submit(_attribute, piece, name)])
-            else:
-                found = getattr(piece, name)
+            [found] = self._told_by([piece], name)
             del piece
             yield self._data.sites(t), found
         self._pieces = []
@@ -92,10 +89,14 @@ class Piecewise:
         _, M, D = self._data.shape
         if not self._pieces:
             return np.zeros((count, M * D), dtype=self._data.dtype)
+        return np.concatenate(self._told_by(self._pieces, name), axis=1)
+
+    def _told_by(self, pieces: list[Any], name: str) -> list[Any]:
+        """The attribute `name` of each of some pieces."""
         if self._executor is None:
-            return np.concatenate([getattr(piece, name) for piece in self._pieces], axis=1)
-        tasks = [self._executor.submit(_attribute, piece, name) for piece in self._pieces]
-        return np.concatenate(results(self._executor, tasks), axis=1)
+            return [getattr(piece, name) for piece in pieces]
+        tasks = [self._executor.submit(_attribute, piece, name) for piece in pieces]
+        return results(self._executor, tasks)
 
 
 def _changed(

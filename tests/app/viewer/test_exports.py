@@ -160,15 +160,13 @@ def wandering(person):
 
 
 def on_a_floor(person):
-    """A part is pulled under the floor, and another one raised: some vertices touch it."""
+    """A part is pulled under the floor, step by step: the contacts have a history."""
     height = float(person.pose.vertices[:, 1].min()) - 0.02
-    person.do(replace(person.edit, floor=height))
+    person.do(replace(person.edit, floor=height, body="stays"))
     person.place(4)
-    person.kind(1, "pin")
-    down = np.outer(np.linspace(0.1, 1.0, 8), [0.1, -0.6, 0.0])
-    person.drag(person.place(115), down)
+    step = 0.04 * person.model.reference.bounding_diagonal * np.array([0.2, -1.0, 0.0])
+    person.drag(person.place(115), np.outer(np.arange(1, 9), step))
     assert person.session.entry.solution.contacts
-    person.drag(person.place(60), down * [1.0, -0.5, 0.5])
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import deformer
+from contrast import contrast
 from deformer_app.viewer.actions import ACTIONS
 from deformer_app.viewer.gizmo import translation
 from person import place, rest
@@ -214,11 +215,6 @@ def test_how_far_a_pose_is_off_is_read_on_the_red_bar(app, window, dark):
     from deformer_app.rendering.palette import BAD, rgb
     from deformer_app.viewer.qt.model_panel import ModelPanel
 
-    def luminance(red, green, blue):
-        shares = np.array([red, green, blue]) / 255
-        linear = np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
-        return linear @ [0.2126, 0.7152, 0.0722]
-
     window.choose_theme(dark)
     rest(app, window)
     panel = window.docks.panel(ModelPanel)
@@ -227,9 +223,7 @@ def test_how_far_a_pose_is_off_is_read_on_the_red_bar(app, window, dark):
     image = panel._meter.grab().toImage()
     middle = range(image.width() // 4, 3 * image.width() // 4)
     pixels = [image.pixelColor(x, y).getRgb()[:3] for x in middle for y in range(image.height())]
-    bar = luminance(*rgb(BAD)) + 0.05
-    found = [luminance(*pixel) + 0.05 for pixel in set(pixels)]
-    assert max(max(light, bar) / min(light, bar) for light in found) > 4.0
+    assert max(contrast(pixel, rgb(BAD)) for pixel in set(pixels)) > 4.0
 
 
 def test_a_mistake_is_a_line_in_the_window_and_nothing_is_lost(app, window, tmp_path):
