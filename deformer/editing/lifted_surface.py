@@ -36,17 +36,22 @@ def moving_surface(model: DeformationModel, surface: DecodedSurface) -> Surface:
     Returns:
         `surface` itself if the mesh is small.
     """
-    nodes, codes = Nodes.of(model.poisson), _codes(model)
+    nodes = Nodes.of(model.poisson)
     if nodes is None:
         return surface
+    codes = _codes(model)
     for _ in range(_ROUNDS):
-        room = max(0, int(_SHARE * len(model.reference.vertices)) - len(nodes.vertices))
+        room = int(_SHARE * len(model.reference.vertices)) - len(nodes.vertices)
+        if room <= 0:
+            break
         distances = _distances(surface, nodes, codes)
         # In each node's cell the vertex that follows worst.
         worst = np.argsort(-distances, kind="stable")
         worst = worst[np.unique(nodes.influences[worst, 0], return_index=True)[1]]
         worst = worst[np.argsort(-distances[worst])][: min(_ADDED, room)]
         worst = worst[distances[worst] > _CLOSE]
+        if not len(worst):
+            break
         nodes = Nodes.at(model.poisson, np.union1d(nodes.vertices, worst))
     V, links = len(model.reference.vertices), len(model.reference.links)
     decoder = model.decoder_at(np.append(nodes.vertices, V + np.arange(links)))
