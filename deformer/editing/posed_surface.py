@@ -32,13 +32,11 @@ class _Relaxing:
     """A full relaxation, as far as it has come.
 
     Args:
-        state: whose shape it relaxes.
         surface: a copy of the solver's.
         rounds: yields the positions (V, 3) after each round.
         vertices: (V, 3) the last ones.
     """
 
-    state: State
     surface: DecodedSurface
     rounds: Iterator[FloatArray]
     vertices: FloatArray
@@ -111,14 +109,26 @@ class PosedSurface:
 
     def _forget_rest(self) -> None:
         self._relaxing: _Relaxing | None = None
-        self._rest: tuple[State, FloatArray] | None = None
+        self._rest: tuple[FloatArray, FloatArray] | None = None
+
+    @property
+    def rests(self) -> bool:
+        """True once `settled` no longer changes, until the next frame."""
+        return self._rest is not None
 
     def at_rest(self, state: State) -> bool:
         """True once `settled` of this state no longer changes."""
-        return self._rest is not None and self._rest[0] is state
+        return self._rest is not None and self._rest[0] is state.x
 
     def frame(self, state: State) -> FloatArray:
-        """Positions (V, 3) of a state, with the rotations that the last frame's relaxation left."""
+        """Positions (V, 3) of a state, with the rotations that the last frame's relaxation left.
+
+        The state or its targets may be others than before.
+        """
+        self._forget_rest()
+        return self._next_frame(state)
+
+    def _next_frame(self, state: State) -> FloatArray:
         self._search.decode(state)
         surface = state.surface
         self._continue_on(surface)
@@ -148,25 +158,28 @@ class PosedSurface:
         self._surface.reset()
         self._search.decode(state)
         *_, vertices = self._relaxation(self._surface, state)
-        self._rest = state, vertices
+        self._rest = state.x, vertices
         return vertices.copy()
 
     def settled(self, state: State) -> FloatArray:
         """Positions (V, 3) of a state that stays, by all vertices: after some calls, `relaxed`'s.
 
         Each call does a few rounds of a full relaxation on a copy, and gives a frame until it ends.
+
+        Args:
+            state: its unknowns x are those of the last call, and its targets as well.
         """
-        if not self.at_rest(state) and not self._relaxes:
-            self._rest = state, self.frame(state)
-        if self._rest is not None and self._rest[0] is state:
+        if self._rest is None and not self._relaxes:
+            self._rest = state.x, self._next_frame(state)
+        if self._rest is not None:
             return self._rest[1].copy()
-        if self._relaxing is None or self._relaxing.state is not state:
+        if self._relaxing is None:
             self._relaxing = self._begun(state)
         relaxing = self._relaxing
         if not relaxing.advance():
-            return self.frame(state)
+            return self._next_frame(state)
         self._forget_rest()
-        self._rest = state, relaxing.vertices
+        self._rest = state.x, relaxing.vertices
         self._last = self._surface
         self._surface.take_rotations(relaxing.surface)
         return relaxing.vertices.copy()
@@ -180,7 +193,7 @@ class PosedSurface:
         self._basis.set_exact(self._points, surface)
         surface.decode(self._search.energy.code(state.x))
         rounds = self._relaxation(surface, state)
-        return _Relaxing(state, surface, rounds, next(rounds))
+        return _Relaxing(surface, rounds, next(rounds))
 
     def _relaxation(self, surface: DecodedSurface, state: State) -> Iterator[FloatArray]:
         """Positions (V, 3) before any round of relaxation, and after each until they stay.

@@ -120,7 +120,7 @@ class _Cache:
         search: the search of a cold solve, as far as it has come since the handles are at rest;
             None while they move.
         searched: true once that search has ended.
-        settled: true once refinement has ended, too.
+        refined: true once refinement of the last solution has ended.
         still: relative gain up to which the state is a minimum.
     """
 
@@ -131,7 +131,7 @@ class _Cache:
     solved_for: tuple[FloatArray, FloatArray] | None = None
     search: _Search | None = None
     searched: bool = False
-    settled: bool = False
+    refined: bool = False
     still: float = _STILL
 
     def invalidate(self, *, vertices: bool = False) -> None:
@@ -147,7 +147,7 @@ class _Cache:
 
     def forget_search(self) -> None:
         """Drop what was searched at rest, because the handles have moved."""
-        self.search, self.searched, self.settled = None, False, False
+        self.search, self.searched, self.refined = None, False, False
         self.still = _STILL
 
 
@@ -161,6 +161,7 @@ class CodeSearch:
 
     Attributes:
         jumped: true if the last warm solve ended in another minimum than it began in.
+        stayed: true if the last warm solve, for unchanged targets, left the solution as it was.
         least_noise: least noise of a search that raises the noise where targets are out of reach
             (`HandleEnergy.noise_within_reach`); None keeps the energy's noise.
     """
@@ -170,7 +171,7 @@ class CodeSearch:
         self.energy = energy
         self._basis, self._codes = basis, codes
         self._cache = _Cache()
-        self.jumped = False
+        self.jumped = self.stayed = False
         self.least_noise: float | None = None
         self._candidates = self._choose_candidates()
 
@@ -283,7 +284,7 @@ class CodeSearch:
                 steps += next(search)
             except StopIteration as ended:
                 cache = self._cache
-                cache.search, cache.searched, cache.settled = None, True, True
+                cache.search, cache.searched, cache.refined = None, True, True
                 return self._adopt(ended.value), steps
 
     def _adopt(self, found: _Found) -> State:
@@ -378,7 +379,8 @@ class CodeSearch:
     @property
     def at_rest(self) -> bool:
         """True once warm solves with unchanged targets have nothing left to try or to refine."""
-        return self._cache.settled and self._targets_unchanged()
+        cache = self._cache
+        return cache.refined and cache.searched and self._targets_unchanged()
 
     def current(self) -> State:
         """The state of the last solution, with its energy for the present targets.
@@ -405,9 +407,9 @@ class CodeSearch:
         """One frame: descend by landmarks from the last solution, then evaluate the moving surface.
 
         If targets and weights are those of the last solve, evaluate all vertices, and refine
-        towards the exact minimum; a
-        state that is one remains, to the last digit. Once that is reached, do a cold solve, a part
-        a call: a drag over a long way may have come to a minimum that is not the lowest.
+        towards the exact minimum; a state that is one remains, to the last digit. Once that is
+        reached, do a cold solve, a part a call, if asked to: a drag over a long way may have come
+        to a minimum that is not the lowest.
 
         Args:
             explore: false to stay in the minimum of the last solution.
@@ -419,21 +421,23 @@ class CodeSearch:
             ValueError: there is no last solution to start from.
         """
         cache, state = self._cache, self.current()
-        self.jumped = False
+        self.jumped, self.stayed = False, self.at_rest
         if self.at_rest:
             return state, 0
         if self._targets_unchanged():
-            state = self.exact()
-            found, cache.correction, steps = self._refined(self.energy, state, cache.correction)
-            gain = state.energy - found.energy
-            if gain <= cache.still * state.energy + _RESTING_GAIN:
-                found, cache.settled = state, cache.searched
-            else:
-                cache.still, cache.settled = _STILL, False
-            least_gain = _RESTING * state.energy + _RESTING_GAIN
-            if explore and not cache.searched and gain <= least_gain:
+            state = found = self.exact()
+            gain, steps = 0.0, 0
+            if not cache.refined:
+                found, cache.correction, steps = self._refined(self.energy, state, cache.correction)
+                gain = state.energy - found.energy
+                if gain <= cache.still * state.energy + _RESTING_GAIN:
+                    found, cache.refined = state, True
+                else:
+                    cache.still = _STILL
+            if explore and not cache.searched and gain <= _RESTING * state.energy + _RESTING_GAIN:
                 found, more = self._explore(found)
                 steps += more
+            self.stayed = found.x is cache.x
             return self._keep(found), steps
         cache.forget_search()
         moving = self._basis.moving
@@ -465,7 +469,7 @@ class CodeSearch:
         same = found.energy.noise == self.energy.noise
         if same and found.state.energy >= state.energy * (1.0 - _LOWER):
             return state, 0
-        self.jumped = True
+        self.jumped, cache.refined = True, False
         return self._adopt(found), 0
 
     def _targets_unchanged(self) -> bool:

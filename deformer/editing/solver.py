@@ -369,19 +369,19 @@ class HandleSolver:
                 compute nodes that all vertices follow, with exact handles at their targets: of the
                 same code, the pose is about 0.1 % of the bounding diagonal from that of all
                 vertices. With unchanged targets they compute all vertices.
-                Warm solves with unchanged targets converge, and then try those starts, too, one a
-                call, until nothing is left to try; then the rigid relaxation goes on, a few rounds
-                a call, until `at_rest`.
+                Warm solves with unchanged targets converge; then the rigid relaxation runs to its
+                end, a few rounds a call; then they try those starts, too, one a call, until
+                `at_rest`.
         """
         begun = time.perf_counter()
         search, surface = self._search, self._surface
         with one_blas_thread():
             if warm and self.solution is not None:
                 self._touch()
-                state, steps = search.warm()
+                state, steps = search.warm(explore=surface.rests)
                 if search.jumped:
                     vertices = surface.relaxed(state)
-                elif search.at_rest:
+                elif search.stayed:
                     vertices = surface.settled(state)
                 else:
                     vertices = surface.frame(state)

@@ -8,7 +8,7 @@ import pytest
 
 from deformer import Handle, HandleSolver, load_model
 from deformer.editing.green_functions import HandleBasis
-from deformer.editing.rest import solve_to_rest
+from deformer.editing.rest import poses_to_rest, solve_to_rest
 from deformer.editing.search import CodeSearch
 from deformer.errors import InputError
 from deformer.geometry.rotations import log_to_rotation
@@ -672,6 +672,30 @@ def test_a_rest_refines_no_start_that_leads_back(model, diagonal, monkeypatch):
     last = solve_to_rest(solver)
     assert solver.at_rest and len(refined) == minima - 1
     assert last.energy <= cold.energy * (1 + 1e-9)
+
+
+def test_a_rest_shows_the_relaxed_surface_before_other_starts(model, diagonal, monkeypatch):
+    """What the user sees is at rest early; other starts, which seldom lead lower, take longer."""
+    poses, tried = [], []
+    explore = CodeSearch._explore
+
+    def note(self, *arguments):
+        tried.append(len(poses))
+        return explore(self, *arguments)
+
+    monkeypatch.setattr(CodeSearch, "_explore", note)
+    vertices = [3, 40, 80, 110]
+    start = model.reference.vertices[vertices]
+    solver = HandleSolver(model, noise=0.007)
+    solver.set_handles(vertices, start, hard=True)
+    solver.solve()
+    for share in (0.5, 1.0):
+        frame = solver.drag(3, start[0] + 0.1 * share * diagonal)
+    for pose in poses_to_rest(solver):
+        poses.append(pose)
+    assert solver.at_rest and len(tried) > 1 and tried[0] > 0
+    np.testing.assert_array_equal(poses[tried[0] - 1].vertices, poses[-1].vertices)
+    assert largest(frame.vertices - poses[-1].vertices) > 1e-4 * diagonal
 
 
 def test_a_solver_with_nothing_to_do_comes_to_rest(model):
