@@ -363,8 +363,11 @@ def fit(
     tolerance: Tolerance = 1e-3,
     name: ClipName = None,
     suffix: Annotated[
-        str, typer.Option("--format", help="Of several HANDLES: format of the results.")
-    ] = "glb",
+        str | None,
+        typer.Option(
+            "--format", help="Of several HANDLES: format of the results.  \\[default: glb]"
+        ),
+    ] = None,
     cluster: Cluster = None,
     memory: Memory = None,
     cache: Cache = None,
@@ -403,13 +406,17 @@ def fit(
         options = fitting.Options(hard, noise, smoothness, device, backend)
         with console.progress("fitting") as report:
             result = many_fits.run(
-                model, handles, output, suffix, options, bare, timing, cluster, report
+                model, handles, output, suffix or "glb", options, bare, timing, cluster, report
             )
         if as_json:
             console.emit(result)
         else:
             many_fits.show(result)
         return
+    if suffix is not None:
+        raise deformer.InputError(
+            "--format: got it with one file, whose format the ending of OUTPUT tells; leave it out"
+        )
     loaded = deformer.load_model(model)
     workspace = deformer.Workspace(bytes_of(memory), cache or outputs.folder_beside(output))
     file = fitting.handles_of(loaded, handles[0], workspace)

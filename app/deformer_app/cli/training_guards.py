@@ -51,6 +51,7 @@ def outputs(output: Path, resume: dict[str, Any] | None) -> Iterator[Path]:
         output = output.resolve()
     checkpoint = output.parent / f"{output.name}.checkpoint"
     if resume is not None:
+        _refuse_finished(output, checkpoint)
         deformer.check_resumable(checkpoint, **resume)
     output.parent.mkdir(parents=True, exist_ok=True)
     deformer.check_model_folder(output)
@@ -60,6 +61,20 @@ def outputs(output: Path, resume: dict[str, Any] | None) -> Iterator[Path]:
             if deformer.has_checkpoint(checkpoint):
                 console.warn(f"replacing the checkpoint {checkpoint}; --resume would go on from it")
         yield checkpoint
+
+
+def _refuse_finished(output: Path, checkpoint: Path) -> None:
+    """Raise InputError if the training to resume has ended: its model is there, no checkpoint."""
+    if deformer.has_checkpoint(checkpoint) or not output.is_dir():
+        return
+    try:
+        deformer.load_model(output)
+    except InputError:  # no model: the checkpoint is what is missing
+        return
+    raise InputError(
+        f"{output}: the training of this model has ended, so there is nothing to resume; start "
+        "without --resume to train anew"
+    )
 
 
 @contextmanager

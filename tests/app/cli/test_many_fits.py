@@ -138,3 +138,9 @@ def test_what_is_fitted_stays_when_the_rest_is_interrupted(
     assert status == console.INTERRUPTED
     assert "Interrupted: 1 of 3 results are in" in err
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["rise.glb"]
+
+
+def test_a_format_beside_the_name_of_one_result_is_refused(refuse, model_path, takes, tmp_path):
+    out = tmp_path / "out.glb"
+    message = refuse("fit", model_path, takes[0], "-o", out, "--format", "npz")
+    assert "--format: got it with one file" in message and not out.exists()

@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -133,6 +134,22 @@ def test_resuming_looks_at_the_checkpoint_first(refuse, run, shapes_path, tmp_pa
     assert "other config" in refuse(*command, "--components", "5")
     (tmp_path / "m.checkpoint" / "checkpoint.json").write_text("{")
     assert "checkpoint.json, line 1: not JSON" in refuse(*command)
+
+
+def test_a_training_that_has_ended_is_told_where_it_is_resumed(refuse, model_path, tmp_path):
+    shutil.copytree(model_path, tmp_path / "m")
+    before = sorted(tmp_path.rglob("*"))
+    message = refuse(*train(tmp_path / "shapes", tmp_path / "m", "--resume"))
+    assert message == (
+        f"deformer: {tmp_path / 'm'}: the training of this model has ended, so there is nothing to "
+        "resume; start without --resume to train anew"
+    )
+    (tmp_path / "empty").mkdir()
+    assert "no checkpoint to resume" in refuse(
+        *train(tmp_path / "shapes", tmp_path / "empty", "--resume")
+    )
+    (tmp_path / "empty").rmdir()
+    assert sorted(tmp_path.rglob("*")) == before  # nothing else is written
 
 
 @pytest.mark.slow
