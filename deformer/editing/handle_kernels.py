@@ -33,8 +33,9 @@ from deformer.geometry import FloatArray
 from deformer.linalg import ranges, run_calls
 from deformer.network import Decoder
 
-# Blocks below which a second thread does not pay.
-_SHARE = 16
+# Work, in blocks times 10 + H for H handles, below which a thread of its own does not pay (half a
+# millisecond): while a window draws, both the way there and the way back wait for Python's lock.
+_SHARE = 1500
 
 _1, _HALF, _TINY = np.float32(1), np.float32(0.5), np.float32(1e-30)
 # (1 − cos θ)/θ² and (θ − sin θ)/θ³ as series in θ², where subtraction would cancel too much.
@@ -213,7 +214,7 @@ class BlockEvaluation:
     def derivative(self) -> FloatArray:
         """Derivative (H, 3, K) of the positions with respect to the code."""
         handles = self._handles
-        pieces = ranges(len(handles.columns), _SHARE)
+        pieces = ranges(len(handles.columns), max(1, _SHARE // (10 + handles.count)))
         J = np.zeros((len(pieces), handles.decoder.components, 3, handles.count), dtype=np.float32)
         tangents = np.empty((len(pieces), J.shape[1], MATRICES), dtype=np.float32)
         rest = zip(pieces, tangents, J, strict=True)
