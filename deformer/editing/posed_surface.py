@@ -23,8 +23,9 @@ _FIRST_ROTATION_STEPS = 60
 _ROTATION_STEPS = 10
 # A round of relaxation that moves no vertex by this much, in bounding diagonals, is the last one.
 _RELAXED = 2e-5
-# Rounds of the full relaxation in a call at rest.
-_ROUNDS_A_CALL = 5
+# Rounds of the full relaxation in a call at rest: at most so many, of so many vertices in all, for
+# a drag that begins waits for the call to end.
+_ROUNDS_A_CALL, _VERTICES_A_CALL = 5, 50_000
 
 
 @dataclass(eq=False)
@@ -43,9 +44,10 @@ class _Relaxing:
 
     def advance(self) -> bool:
         """Do some rounds; True if no more are needed."""
-        done = list(islice(self.rounds, _ROUNDS_A_CALL))
+        count = min(_ROUNDS_A_CALL, max(1, _VERTICES_A_CALL // len(self.vertices)))
+        done = list(islice(self.rounds, count))
         self.vertices = done[-1] if done else self.vertices
-        return len(done) < _ROUNDS_A_CALL
+        return len(done) < count
 
 
 class PosedSurface:
