@@ -14,6 +14,12 @@ from .directories import (
     check_directory as check_directory,
     digest as digest,
 )
+from .file_kinds import (
+    FileKind as FileKind,
+    expecting as expecting,
+    kind_of as kind_of,
+    wrong_kind as wrong_kind,
+)
 from .glb_builder import (
     INDICES as INDICES,
     VERTICES as VERTICES,

@@ -12,6 +12,7 @@ from deformer.checks import LARGEST, checked_instance, checked_integer, shortene
 from deformer.errors import InputError
 from deformer.geometry import MOST_ORIENTATION_WEIGHT, IntArray, SurfacePoint, plain_point
 from deformer.io.atomic import PathLike
+from deformer.io.file_kinds import expecting
 from deformer.io.json_pieces import read_pieces
 from deformer.io.json_values import JsonValue
 from deformer.io.stored_frames import StoredFrames
@@ -168,6 +169,18 @@ def load_handles(
         checked_integer(components, "components", least=1)
     if workspace is not None:
         checked_instance(workspace, "workspace", Workspace, remedy="make a Workspace")
+    with expecting(path, "handles"):
+        return _load(path, vertex_count, faces, components, workspace)
+
+
+def _load(
+    path: PathLike,
+    vertex_count: int,
+    faces: IntArray | None,
+    components: int | None,
+    workspace: Workspace | None,
+) -> HandleFile:
+    """Do what `load_handles` does, whose arguments are checked."""
     rows = np.empty((0, 3), dtype=np.int64) if faces is None else faces
     found = [] if workspace is None else StoredFrames(workspace)
     seen = False

@@ -10,7 +10,8 @@ import numpy as np
 from deformer.checks import checked_integer
 from deformer.errors import InputError
 from deformer.io.atomic import PathLike, atomic_path
-from deformer.io.json_values import read_value
+from deformer.io.file_kinds import expecting
+from deformer.io.json_values import JsonValue, read_value
 
 
 def write_json(path: PathLike, data: Any) -> None:
@@ -70,7 +71,12 @@ def load_split(path: PathLike, count: int) -> dict[str, list[int]]:
             `train` is empty.
     """
     checked_integer(count, "count", least=0)
-    data = read_value(path)
+    with expecting(path, "split"):
+        data = read_value(path)
+        return _checked_split(data, count)
+
+
+def _checked_split(data: JsonValue, count: int) -> dict[str, list[int]]:
     owner: dict[int, str] = {}
     for part in ("train", "test"):
         for entry in data[part].items():
@@ -82,5 +88,5 @@ def load_split(path: PathLike, count: int) -> dict[str, list[int]]:
                 )
             owner[index] = part
     if not data["train"].value:
-        raise InputError(f"{path}: 'train' is empty, expected at least one shape; add indices")
+        raise InputError(f"{data}: 'train' is empty, expected at least one shape; add indices")
     return {part: data[part].value for part in ("train", "test")}

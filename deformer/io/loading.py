@@ -29,6 +29,7 @@ from deformer.geometry import (
     shape_sequence,
 )
 from deformer.io.atomic import PathLike, check_file, read_bytes
+from deformer.io.file_kinds import wrong_kind
 from deformer.io.gltf import read_gltf
 from deformer.io.gltf_shapes import GltfReader, read_shapes as read_gltf_shapes
 from deformer.io.npz import read_npz, read_rows_of
@@ -413,7 +414,7 @@ def _check_finite(vertices: FloatArray, name: str) -> None:
 
 
 def _unknown_suffix(path: Path, known: Sequence[str]) -> InputError:
-    return InputError(
+    return wrong_kind(path, "shapes") or InputError(
         f"{path}: suffix {path.suffix!r}, expected one of {', '.join(known)}; convert the file or "
         "correct its name"
     )

@@ -24,6 +24,7 @@ from deformer.io import (
     atomic_directory,
     check_directory,
     digest,
+    expecting,
     load_mesh,
     locked,
     read_bytes,
@@ -185,7 +186,8 @@ def load_model(path: str | Path) -> DeformationModel:
     while True:
         before = _version(folder)
         try:
-            return _read(folder, path)
+            with expecting(path, "model"):
+                return _read(folder, path)
         except (InputError, OSError) as error:
             # Files of two versions do not match: the model was saved again while it was read.
             if _version(folder) != before:

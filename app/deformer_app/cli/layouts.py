@@ -51,8 +51,8 @@ def run(
         io.check_output_file(picture)
     model = deformer.load_model(model_name)
     if isinstance(exclude, Path):
-        listed = io.read_value(exclude)
-        exclude = tuple(listed["vertices"].integers(0))
+        with io.expecting(exclude, "vertices"):
+            exclude = tuple(io.read_value(exclude)["vertices"].integers(0))
     found = deformer.layout(model, counts, exclude=exclude, **options)
     if output is not None:
         io.write_json(output, handles_file(model, found))

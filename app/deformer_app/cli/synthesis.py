@@ -202,7 +202,8 @@ def _stored_code(model: DeformationModel, text: str) -> NDArray:
                 f"{min(rows)}…{max(rows)})"
             )
         return model.codes[rows.index(number)]
-    return np.array(io.read_value(text)["z"].numbers(model.components, largest=io.LARGEST))
+    with io.expecting(text, "code"):
+        return np.array(io.read_value(text)["z"].numbers(model.components, largest=io.LARGEST))
 
 
 def _shape(model: DeformationModel, text: str) -> NDArray:

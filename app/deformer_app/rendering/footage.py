@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from deformer import InputError
+from deformer import InputError, io
 
 PICTURES = (".png", ".jpg", ".jpeg")
 VIDEOS = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".gif")
@@ -64,7 +64,7 @@ def open_footage(path: str | Path) -> Footage:
         return _folder(file)
     suffix = file.suffix.lower()
     if suffix not in PICTURES + VIDEOS:
-        raise InputError(
+        raise io.wrong_kind(path, "picture") or InputError(
             f"{path}: got ending {file.suffix!r}, expected a picture ({', '.join(PICTURES)}), a "
             f"video ({', '.join(VIDEOS)}) or a folder of pictures"
         )

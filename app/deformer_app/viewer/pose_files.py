@@ -42,7 +42,8 @@ def load_library(path: str | Path, model: DeformationModel) -> list[SavedPose]:
     Raises:
         InputError: no library, a damaged one, or one of another model.
     """
-    return _read(io.read_value(path), model)
+    with io.expecting(path, "poses"):
+        return _read(io.read_value(path), model)
 
 
 def parse_library(text: str, model: DeformationModel) -> list[SavedPose]:

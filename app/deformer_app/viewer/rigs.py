@@ -63,7 +63,10 @@ def load_handles(editor: Editor, path: str | Path) -> None:
     model, edit = editor.model, editor.edit
     file = io.load_handles(path, len(model.reference.vertices), components=model.components)
     if file.is_sequence:
-        raise InputError(f"{path}: has frames, expected the handles of one pose; give another file")
+        raise InputError(
+            f"{path}: has frames, expected the handles of one pose; load it by Timeline > Load "
+            "sequence"
+        )
     file.check_model(path, model.fingerprint)
     handles = handles_of_rows(path, file, editor.session.next_id())
     prior, start = file.prior, file.start

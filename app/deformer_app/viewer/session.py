@@ -314,7 +314,15 @@ class Session:
         Raises:
             InputError: no session, of another format, or damaged; the message names the file.
         """
-        data = io.read_value(path)
+        with io.expecting(path, "session"):
+            return cls._of(io.read_value(path))
+
+    @classmethod
+    def _of(cls, data: io.JsonValue) -> Session:
+        if "deformer_session" not in data:
+            raise InputError(
+                f"{data}: is no session of the viewer; give a file that File > Save session wrote"
+            )
         if data["deformer_session"].integer() != FORMAT:
             raise data["deformer_session"].error(
                 f"{FORMAT}", "the session is of another release: save it again there"

@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QMenu, QWidget
 from deformer import InputError
 from deformer_app.viewer.actions import Shell
 from deformer_app.viewer.dropped import kind_of
+from deformer_app.viewer.pose_commands import import_poses
 from deformer_app.viewer.qt.icons import put_icon
 from deformer_app.viewer.rigs import load_handles
 
@@ -70,6 +71,8 @@ class Drops(QObject):
             raise InputError(f"{path}: {kind} of a model; open the model first")
         elif kind == "handles":
             load_handles(shell.editor, path)
+        elif kind == "poses":
+            import_poses(shell.editor, path)
         else:
             self._ask_use(path)
 

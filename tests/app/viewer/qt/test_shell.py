@@ -9,6 +9,7 @@ import pytest
 
 import deformer
 from deformer_app.viewer.actions import ACTIONS
+from deformer_app.viewer.pose_commands import export_poses, save_pose
 from deformer_app.viewer.session import Session
 from deformer_app.viewer.settings import Settings
 from person import place, rest
@@ -280,6 +281,10 @@ def test_what_is_dropped_opens(app, bare, model_path, tmp_path):
     handles.write_text(json.dumps({"handles": [{"vertex": 17, "position": [0.0, 0.5, 0.0]}]}))
     drop(app, bare, handles)
     assert [handle.vertices for handle in bare.editor.edit.handles] == [(17,)]
+    save_pose(bare.editor, "up")
+    export_poses(bare.editor, tmp_path / "poses.json")
+    drop(app, bare, tmp_path / "poses.json")
+    assert [pose.name for pose in bare.editor.session.shelf.poses] == ["up", "up 2"]
     file = tmp_path / "work.json"
     bare.editor.save_session(file)
     bare.editor.prior.reset()
