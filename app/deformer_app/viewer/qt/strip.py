@@ -37,8 +37,9 @@ class Strip(QFrame):
         self.row = QHBoxLayout(self)
         self.row.setContentsMargins(12, 7, 8, 7)
         self.row.addWidget(self._label, 1)
+        self._buttons: dict[str, QPushButton] = {}
         for title, run in buttons:
-            button = QPushButton(title)
+            self._buttons[title] = button = QPushButton(title)
             button.clicked.connect(lambda _, f=run: f())
             self.row.addWidget(button)
         self.hide()
@@ -51,6 +52,11 @@ class Strip(QFrame):
     def say(self, text: str) -> None:
         """Change the text of the line."""
         self._label.setText(text)
+
+    def show_buttons(self, *titles: str) -> None:
+        """Show the buttons of these titles alone."""
+        for title, button in self._buttons.items():
+            button.setVisible(title in titles)
 
     def read_html(self) -> None:
         """Take texts as HTML from now on: they are the program's own, and name nothing."""

@@ -8,7 +8,6 @@ import pytest
 import deformer
 from contrast import contrast
 from deformer_app.viewer.actions import ACTIONS
-from deformer_app.viewer.gizmo import translation
 from person import place, rest
 from shapes import sequence
 from waiting import wait_for
@@ -281,17 +280,6 @@ def test_a_folder_of_shapes_is_offered_for_training(app, window, tmp_path, answe
     assert window.training.isVisible()
     assert window.training.shapes.text() == str(folder)
     assert window.training.output.text() == str(tmp_path / "walk-model")
-
-
-def test_the_tour_goes_on_by_what_is_done(app, window):
-    window.tour.begin()
-    first = window.tour.text
-    window.editor.handles.place(100)
-    window.editor.handles.move_selected(translation([0.0, 0.1, 0.0]))
-    wait_for(lambda: window.tour.text != first, app.processEvents)
-    for _ in range(3):
-        window.tour.go_on()
-    assert window.tour.isHidden() and not window.tour.running
 
 
 def test_training_on_nonsense_is_told_in_the_dialog(app, window, tmp_path):
