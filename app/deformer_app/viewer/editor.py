@@ -120,13 +120,23 @@ class Editor:
         """The current handles and prior."""
         return self.session.edit
 
-    def open_model(self, path: str | Path, session: Session | None = None) -> None:
+    def open_model(
+        self,
+        path: str | Path,
+        session: Session | None = None,
+        loaded: DeformationModel | None = None,
+    ) -> None:
         """Open a model, with a session of it or a new one.
+
+        Args:
+            path: directory or name of the model.
+            session: None begins one.
+            loaded: the model, if it has been read already.
 
         Raises:
             InputError: no such model, or the session belongs to another.
         """
-        model = deformer.load_model(path)
+        model = deformer.load_model(path) if loaded is None else loaded
         if session is not None:
             session.check_fits(model, path)
         if self._display is not None:

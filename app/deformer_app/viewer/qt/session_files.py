@@ -9,7 +9,7 @@ from typing import Any, Protocol
 from PySide6.QtWidgets import QMenu, QWidget
 
 import deformer
-from deformer import InputError
+from deformer import DeformationModel, InputError
 from deformer_app.viewer.actions import Shell
 from deformer_app.viewer.qt.autosave import Autosave
 from deformer_app.viewer.qt.busy_mark import BusyMark
@@ -58,8 +58,20 @@ class SessionFiles:
 
     # Opening.
 
-    def open(self, model: str | Path, session: Session | None, file: Path | None) -> None:
+    def open(
+        self,
+        model: str | Path,
+        session: Session | None,
+        file: Path | None,
+        loaded: DeformationModel | None = None,
+    ) -> None:
         """Open a model, and a session that was read from a file.
+
+        Args:
+            model: directory or name of the model.
+            session: a session of it; None begins one.
+            file: that of the session, or None.
+            loaded: the model, if it has been read already.
 
         Raises:
             InputError: see `Editor.open_model`.
@@ -69,32 +81,50 @@ class SessionFiles:
         if session is not None and isinstance(session.view.get("look"), dict):
             session.view["look"]["dark"] = editor.state.look.dark  # the window keeps its theme
         with self._host.busy_mark.shown(f"Opening {(file or Path(model)).name} …"):
-            editor.open_model(model, session)
+            editor.open_model(model, session, loaded)
         self._file = file
         model = editor.session.model.path
         self._host.settings.remember(str(file.resolve()) if file else model, model)
 
     def open_model(self, path: Path | str) -> None:
-        """Open a model, unless the user wants to keep unsaved work; offer to train on shapes."""
+        """Open a model, unless the user wants to keep unsaved work; offer to train on shapes.
+
+        The user is asked about unsaved work only for what can be opened.
+        """
         folder = Path(path)
         if folder.is_dir() and not (folder / "model.json").exists():
             question = f"{folder} holds no model. Train one on the shapes in it?"
             if ask(self._parent, question, "Train…", "Cancel") == "Train…":
                 self._host.train().choose(folder)
-        elif self.may_leave():
-            self._host.attempt(lambda: self.open(path, None, None))
+        else:
+            self._host.attempt(lambda: self._leave_for(path, None, None))
 
     def open_session(self, path: Path | str) -> None:
-        """Open a session, unless the user wants to keep unsaved work."""
+        """Open a session, unless the user wants to keep unsaved work; see `open_model`."""
 
         def load() -> None:
             session = Session.load(path)
             model = self._model_of(session, Path(path).name)
             if model is not None:
-                self.open(model, session, Path(path))
+                self._leave_for(model, session, Path(path))
 
-        if self.may_leave():
-            self._host.attempt(load)
+        self._host.attempt(load)
+
+    def _leave_for(self, model: str | Path, session: Session | None, file: Path | None) -> None:
+        """Do what `open` does, once the user has answered what becomes of unsaved work."""
+        with self._host.busy_mark.shown(f"Opening {(file or Path(model)).name} …"):
+            loaded = deformer.load_model(model)
+            if session is not None and file is not None:
+                session.check_fits(loaded, file)
+        if not self.may_leave():
+            return
+        if file is not None and self._is_own(file):
+            session = Session.load(file)  # the user may have saved to it just now
+        self.open(model, session, file, loaded)
+
+    def _is_own(self, file: Path) -> bool:
+        """True for the file of the session that is open."""
+        return self._file is not None and self._file.resolve() == file.resolve()
 
     def _model_of(self, session: Session, name: str) -> str | Path | None:
         """Return where a session's model is; where it has moved, the user is asked."""

@@ -226,7 +226,7 @@ def test_a_tile_says_at_once_that_its_model_is_being_opened(app, bare, monkeypat
     paints = Paints()
     mark.installEventFilter(paints)
 
-    def opened(model, session=None):
+    def opened(model, session=None, loaded=None):
         # No events are handled here: what has not been painted would not be seen.
         seen.append((mark.isVisible(), painted[-1:], app.overrideCursor() is not None))
         raise deformer.InputError("stop here")
@@ -632,3 +632,78 @@ def test_the_right_button_has_a_menu_for_what_is_under_it(app, window):
     colours["Stretch"].trigger()
     assert window.editor.state.look.colour == "stretch"
     menu.close()
+
+
+@pytest.fixture
+def unsaved(app, window):
+    """A window with work that no file has."""
+    place(window, 100)
+    rest(app, window)
+    assert window.files.unsaved
+    return window
+
+
+def test_what_cannot_be_opened_is_told_without_a_question(
+    app, unsaved, tmp_path, monkeypatch, answers
+):
+    """Nothing is asked, for `answers` is empty, and nothing is lost."""
+    window = unsaved
+    damaged, foreign, gone = (tmp_path / f"{n}.json" for n in ("damaged", "foreign", "gone"))
+    damaged.write_text('{"deformer_session": 1')
+    window.editor.session.save(foreign)
+    data = json.loads(foreign.read_text())
+    foreign.write_text(json.dumps({**data, "model": {**data["model"], "fingerprint": "x"}}))
+    handles = tmp_path / "handles.json"
+    handles.write_text(json.dumps({"handles": [{"vertex": 17, "position": [0.0, 0.5, 0.0]}]}))
+    model = tmp_path / "model"
+    model.mkdir()
+    (model / "model.json").write_text("{}")
+    place(window, 60)
+    rest(app, window)
+    steps = list(window.editor.session.entries)
+    for path in (damaged, foreign, handles, gone):
+        monkeypatch.setattr(window, "ask_open", lambda *_, path=path: path)
+        window.act("open-session")
+        assert path.name in window.notices.mistake.text
+    drop(app, window, damaged)
+    assert "damaged.json" in window.notices.mistake.text
+    monkeypatch.setattr(window, "ask_folder", lambda *_: model)
+    window.act("open-model")
+    assert "model" in window.notices.mistake.text
+    assert answers.asked == [] and window.files.unsaved
+    assert window.editor.session.entries == steps
+
+
+def test_a_session_that_can_be_opened_is_asked_about_and_cancel_keeps_all(
+    app, unsaved, tmp_path, answers
+):
+    window, steps = unsaved, list(unsaved.editor.session.entries)
+    window.editor.session.save(tmp_path / "other.json")
+    place(window, 60)
+    rest(app, window)
+    answers.append("Cancel")
+    window.open_session(tmp_path / "other.json")
+    assert len(answers.asked) == 1 and len(window.editor.session.entries) == len(steps) + 1
+    answers.append("Discard")
+    window.open_session(tmp_path / "other.json")
+    ready(app, window)
+    assert len(window.editor.session.entries) == len(steps)
+    answers.append("Cancel")
+    place(window, 60)
+    rest(app, window)
+    window.open_model(window.editor.session.model.path)
+    assert len(answers.asked) == 3 and len(window.editor.session.entries) == len(steps) + 1
+
+
+def test_opening_the_own_file_again_has_what_the_question_has_saved(
+    app, unsaved, tmp_path, monkeypatch, answers
+):
+    window, file = unsaved, tmp_path / "work.json"
+    monkeypatch.setattr(window, "ask_save", lambda *_: file)
+    assert window.save(False)
+    place(window, 60)
+    rest(app, window)
+    answers.append("Save")
+    window.open_session(file)
+    ready(app, window)
+    assert [h.vertices for h in window.editor.edit.handles] == [(100,), (60,)]
