@@ -7,6 +7,7 @@ from deformer import Activations, InputError, Synthesis, load_model
 from deformer_app.viewer.changes import ComponentsNamed
 from deformer_app.viewer.component_names import rename_component
 from deformer_app.viewer.component_scale import ComponentScale
+from deformer_app.viewer.handle_names import opposite_name
 from deformer_app.viewer.region_names import region_names
 from deformer_app.viewer.session import Session
 from deformer_app.viewer.settings import Settings
@@ -41,12 +42,58 @@ def test_regions_are_named_by_their_place_and_no_name_is_given_twice():
     box = np.array([[-1.0, 0, -1], [1, 4, 1]])
     centres = [[0.0, 2, 0], [0.9, 3.5, 0], [-0.9, 3.5, 0], [0, 0.2, 0], [0, 0.3, 0]]
     names = region_names(centres, box, "y")
-    assert names == ["Middle", "Top left", "Top right", "Bottom", "Bottom 2"]
+    assert names == ["Middle", "Top left", "Top right", "Bottom 2", "Bottom"]
     # Of a long body the front and the back tell more than its flat sides.
     long = np.array([[-1.0, 0, -4], [1, 3, 4]])
     assert region_names([[0, 1.5, 3], [0, 1.5, -3]], long, "y") == ["Front", "Back"]
     upright = box[:, [0, 2, 1]] * [1, -1, 1]
     assert region_names([[0.9, 0, 3.5]], upright, "z") == ["Top left"]
+
+
+def figure():
+    """Points of a figure with y up, that looks along z: a trunk, stretched arms, two legs."""
+    height = np.linspace(0.0, 1.0, 21)[:, None, None] * [0.0, 0.9, 0.0]
+    trunk = height + [[0.2, 1.0, z] for z in (-0.1, 0.1)]
+    leg = height + [[x, 0.0, z] for x in (0.02, 0.22) for z in (-0.1, 0.3)]
+    arm = np.linspace(0.2, 1.0, 21)[:, None] * [1.0, 0.0, 0.0] + [0.0, 1.5, 0.0]
+    half = np.concatenate([trunk.reshape(-1, 3), leg.reshape(-1, 3), arm])
+    return np.concatenate([half, half * [-1, 1, 1]])
+
+
+def test_feet_are_left_and_right_though_the_arms_are_wide():
+    feet = [[0.12, 0.1, 0.1], [-0.12, 0.1, 0.1]]
+    assert region_names([*feet, [0.0, 0.5, 0.0]], figure(), "y") == [
+        "Bottom left", "Bottom right", "Bottom",
+    ]  # fmt: skip
+    assert [region_names([foot], figure(), "y")[0] for foot in feet] == [
+        "Bottom left", "Bottom right",
+    ]  # fmt: skip
+
+
+def test_mirrored_places_have_mirrored_names():
+    random, shape = np.random.default_rng(0), figure()
+    for centre in shape[random.integers(len(shape), size=60)] * random.uniform(0.3, 1, (60, 1)):
+        name, mirrored = region_names([centre, centre * [-1, 1, 1]], shape, "y")
+        assert opposite_name(mirrored) in (name, "")
+        if abs(centre[0]) > 0.1:
+            assert {"left", "right"} & set(name.lower().split())
+
+
+def test_places_of_one_name_are_told_apart_by_sides_then_numbered_in_order():
+    box = np.array([[-1.0, 0, -1], [1, 4, 1]])
+    near = [[-0.2, 3.5, 0], [0.2, 3.5, 0]]
+    assert region_names(near, box, "y") == ["Top right", "Top left"]
+    # "Top left" is the name of another one: numbers from left to right.
+    assert region_names([*near, [0.9, 3.5, 0]], box, "y") == ["Top 2", "Top", "Top left"]
+    row = [[x, 2.0, 0.0] for x in (0.02, 0.06, 0.04)]
+    assert region_names(row, box, "y") == ["Middle 3", "Middle", "Middle 2"]
+
+
+def test_a_raised_arm_is_on_its_side():
+    arm = np.linspace(2.0, 3.0, 21)[:, None] * [0.0, 1.0, 0.0] + [[0.1, 0.0, 0.0]]
+    shape = np.concatenate([figure(), arm, np.add(arm, [0.1, 0.0, 0.0])])
+    for x in (0.1, 0.15, 0.2):
+        assert region_names([[x, 2.8, 0.0]], shape, "y") == ["Top left"]
 
 
 def test_a_name_is_stored_with_the_session_and_with_the_model(editor, heard, tmp_path):
