@@ -7,8 +7,8 @@ from typing import Literal, get_args
 
 from deformer import InputError, io
 
-Kind = Literal["model", "shapes", "session", "handles", "poses", "mesh"]
-_EXPECTED = "a model's folder, shapes, a session, handles, poses or a mesh"
+Kind = Literal["model", "shapes", "session", "handles", "poses", "picture", "mesh"]
+_EXPECTED = "a model's folder, shapes, a session, handles, poses, a picture or a mesh"
 
 
 def kind_of(path: Path) -> Kind:
@@ -16,7 +16,7 @@ def kind_of(path: Path) -> Kind:
 
     Args:
         path: a model's folder, a folder or file of example shapes, a session, handles, a library of
-            poses or a mesh.
+            poses, a picture or film to pose by, or a mesh.
 
     Raises:
         InputError: it is none of these.

@@ -41,8 +41,7 @@ def test_what_the_window_does_not_open_is_told_as_what_it_is(tmp_path):
     with pytest.raises(InputError, match=r"split\.json: is a split .*; give it to --split"):
         kind_of(tmp_path / "split.json")
     (tmp_path / "view.png").write_bytes(b"x")
-    with pytest.raises(InputError, match=r"view\.png: is a picture.*Reference picture"):
-        kind_of(tmp_path / "view.png")
+    assert kind_of(tmp_path / "view.png") == "picture"
     small_model().save(tmp_path / "model")
     with pytest.raises(InputError, match=r"model\.json: is a file of a model; drop its folder"):
         kind_of(tmp_path / "model" / "model.json")

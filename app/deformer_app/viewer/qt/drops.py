@@ -68,11 +68,13 @@ class Drops(QObject):
         elif kind == "shapes":
             shell.train().choose(path)
         elif not shell.editor.is_open:
-            raise InputError(f"{path}: {kind} of a model; open the model first")
+            raise InputError(f"{path}: {kind} can be used with a model only; open the model first")
         elif kind == "handles":
             load_handles(shell.editor, path)
         elif kind == "poses":
             import_poses(shell.editor, path)
+        elif kind == "picture":
+            shell.editor.state.reference_picture.open(path)
         else:
             self._ask_use(path)
 

@@ -33,7 +33,7 @@ class _Step:
 
 _STEPS = (
     _Step(
-        "Press the left button on the surface and pull. The rest follows as in the examples.",
+        "Press on the surface and pull. The rest follows as in the examples.",
         lambda change, _: isinstance(change, HandlesDragged),
     ),
     _Step(

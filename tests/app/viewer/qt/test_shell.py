@@ -6,6 +6,7 @@ import json
 import shutil
 
 import pytest
+from PIL import Image
 
 import deformer
 from deformer_app.viewer.actions import ACTIONS
@@ -202,7 +203,7 @@ def test_the_space_bar_acts_on_the_picture_after_clicks_on_buttons(app, bare, mo
     press_space()
     assert not editor.timeline.playing
     bare.begin_tour()
-    following, end = bare.tour.findChildren(QPushButton)
+    following, end, _ = bare.tour.findChildren(QPushButton)
     click(following)
     click(end)
     assert not bare.tour.running
@@ -284,6 +285,9 @@ def test_what_is_dropped_opens(app, bare, model_path, tmp_path):
     save_pose(bare.editor, "up")
     export_poses(bare.editor, tmp_path / "poses.json")
     drop(app, bare, tmp_path / "poses.json")
+    Image.new("RGB", (8, 6)).save(tmp_path / "view.png")
+    drop(app, bare, tmp_path / "view.png")
+    assert bare.editor.state.reference_picture.footage.path == str(tmp_path / "view.png")
     assert [pose.name for pose in bare.editor.session.shelf.poses] == ["up", "up 2"]
     file = tmp_path / "work.json"
     bare.editor.save_session(file)
@@ -303,6 +307,11 @@ def test_what_cannot_be_dropped_is_told(app, bare, tmp_path):
     one, two, _ = sorted(files.glob("*.ply"))
     drop(app, bare, one)
     assert "open the model first" in bare.notices.mistake.text
+    Image.new("RGB", (8, 6)).save(tmp_path / "view.png")
+    drop(app, bare, tmp_path / "view.png")
+    assert (
+        "picture can be used with a model only; open the model first" in bare.notices.mistake.text
+    )
     drop(app, bare, one, two)
     assert "drop one file" in bare.notices.mistake.text
 
