@@ -31,8 +31,8 @@ class _Described:
 _DESCRIBED: dict[FileKind, _Described] = {
     "session": _Described(
         "a session of the viewer",
-        "give it to --session, or open it by File > Open session; File > Export handles then "
-        "writes its handles",
+        "open it by File > Open session or --session; File > Export handles then writes its "
+        "handles",
     ),
     "poses": _Described(
         "a library of poses", "in the viewer, open its model and use File > Import poses"
@@ -45,8 +45,8 @@ _DESCRIBED: dict[FileKind, _Described] = {
     "report": _Described("a report of a command", "give another file: nothing reads it back"),
     "handles": _Described(
         "a handles file",
-        "give it to `deformer fit MODEL`, or in the viewer use File > Load handles (of frames "
-        "Timeline > Load sequence)",
+        "load it by File > Load handles (frames by Timeline > Load sequence), or give it to "
+        "`deformer fit MODEL`",
     ),
     "vertices": _Described("a list of vertices", "give it to `deformer layout --exclude`"),
     "shapes": _Described(

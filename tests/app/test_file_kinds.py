@@ -115,9 +115,8 @@ def test_a_session_for_handles_and_handles_for_a_session(files):
     with pytest.raises(InputError) as caught:
         io.load_handles(files / "session.json", 120)
     assert str(caught.value) == (
-        f"{files / 'session.json'}: is a session of the viewer, expected a handles file; give it "
-        "to --session, or open it by File > Open session; File > Export handles then writes its "
-        "handles"
+        f"{files / 'session.json'}: is a session of the viewer, expected a handles file; open it "
+        "by File > Open session or --session; File > Export handles then writes its handles"
     )
     with pytest.raises(InputError, match=r"handles\.json: is a handles file.*a session.*fit MODEL"):
         Session.load(files / "handles.json")

@@ -42,11 +42,10 @@ def region_names(centres: ArrayLike, vertices: NDArray[np.float64], up: str) -> 
     told = [n for n in _ORDER if n != _FRONT or size[n] > _FLAT * size.max()]
     sides = np.zeros(places.shape, dtype=np.int64)
     sides[:, told] = _sides(places[:, told], _OFF)
-    for row, place in zip(sides, places, strict=True):
-        if not row[_LEFT]:
-            row[_LEFT] = _side_at_height(place, points)
+    for n in np.flatnonzero(sides[:, _LEFT] == 0):
+        sides[n, _LEFT] = _side_at_height(places[n], points)
     _tell_apart(sides, places, told)
-    return _numbered([_text(row) for row in sides], places * size)
+    return _numbered(_texts(sides), places * size)
 
 
 def _sides(values: NDArray[np.float64], beyond: float) -> NDArray[np.int64]:
@@ -70,15 +69,15 @@ def _side_at_height(place: NDArray[np.float64], points: NDArray[np.float64]) -> 
 
 def _tell_apart(sides: NDArray[np.int64], places: NDArray[np.float64], told: list[int]) -> None:
     """Add sides (n, 3) to regions of the same name where that tells them apart."""
-    for rows in _alike([_text(row) for row in sides]):
-        others = {_text(row) for n, row in enumerate(sides) if n not in rows}
+    for rows in _alike(_texts(sides)):
+        others = {name for n, name in enumerate(_texts(sides)) if n not in rows}
         spread = np.ptp(places[rows], axis=0)
         for axis in sorted(told, key=lambda n: -spread[n]):
             found = sides[rows]
             found[:, axis] = np.where(
                 found[:, axis], found[:, axis], _sides(places[rows, axis], _NEAR)
             )
-            names = {_text(row) for row in found}
+            names = set(_texts(found))
             if len(names) > 1 and not names & others:
                 sides[rows] = found
                 break
@@ -92,9 +91,10 @@ def _alike(names: list[str]) -> list[list[int]]:
     return [rows for rows in found.values() if len(rows) > 1]
 
 
-def _text(sides: NDArray[np.int64]) -> str:
-    words = [_SIDES[n][int(sides[n] < 0)] for n in _ORDER if sides[n]]
-    return " ".join(words).capitalize() or "Middle"
+def _texts(sides: NDArray[np.int64]) -> list[str]:
+    """Names of regions by their sides (n, 3)."""
+    words = ([_SIDES[n][int(row[n] < 0)] for n in _ORDER if row[n]] for row in sides.tolist())
+    return [" ".join(found).capitalize() or "Middle" for found in words]
 
 
 def _numbered(names: list[str], places: NDArray[np.float64]) -> list[str]:
