@@ -245,6 +245,9 @@ def calls(tmp_path_factory):
         ),
         "io.check_output_file": (io.check_output_file, (folder / "w.json",)),
         "io.check_shapes_output": (io.check_shapes_output, (folder / "w.npz",)),
+        "io.kind_of": (io.kind_of, (folder / "h.json",)),
+        "io.wrong_kind": (io.wrong_kind, (folder / "h.json", "split")),
+        "io.expecting": (entered(io.expecting), (folder / "h.json", "handles")),
         "io.load_handles": (
             io.load_handles,
             (folder / "h.json", len(V), mesh.faces, model.components, None),

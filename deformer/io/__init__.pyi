@@ -15,7 +15,6 @@ from .directories import (
     digest as digest,
 )
 from .file_kinds import (
-    FileKind as FileKind,
     expecting as expecting,
     kind_of as kind_of,
     wrong_kind as wrong_kind,

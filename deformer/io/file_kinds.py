@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
-from deformer.checks import checked_path
+from deformer.checks import checked_choice, checked_path, checked_text
 from deformer.errors import InputError
 from deformer.io.atomic import PathLike, read_bytes
 
@@ -118,6 +118,7 @@ def wrong_kind(path: PathLike, expected: FileKind | str) -> InputError | None:
         path: the file or folder.
         expected: a kind, or a text that says what was expected.
     """
+    checked_text(expected, "expected", remedy="give a kind or a text")
     found = kind_of(path)
     if found in (None, expected):
         return None
@@ -132,8 +133,9 @@ def expecting(path: PathLike, kind: FileKind) -> Iterator[None]:
     """Within the block, which reads `path`, an error says what the file is if not of `kind`.
 
     Raises:
-        InputError: that of the block, or in its place that of `wrong_kind`.
+        InputError: that of the block, or in its place that of `wrong_kind`; or `kind` is none.
     """
+    checked_choice(kind, "kind", get_args(FileKind), remedy="give a kind of file")
     try:
         yield
     except InputError as error:
