@@ -69,7 +69,7 @@ class StartPage(QScrollArea):
         self.recent: list[QToolButton] = []
         column.addWidget(self._recent)
         column.addStretch(1)
-        drop = "Or drop a file here: a model, shapes to train on, a session, a mesh or handles."
+        drop = "Or drop here: a model's folder, a session, or shapes to train on."
         column.addWidget(_label(drop, "second"))
         page.setMinimumWidth(_WIDTH)
         self.setWidget(page)

@@ -41,6 +41,13 @@ def ready(app, window):
     )
 
 
+def texts(widget):
+    """Texts of the labels in a widget."""
+    from PySide6.QtWidgets import QLabel
+
+    return [label.text() for label in widget.findChildren(QLabel)]
+
+
 def drop(app, window, *paths):
     """A drag that enters the window and is dropped in it, as Qt delivers one."""
     from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
@@ -306,7 +313,9 @@ def test_what_cannot_be_dropped_is_told(app, bare, tmp_path):
     deformer.save_shapes(files, sequence(3))
     one, two, _ = sorted(files.glob("*.ply"))
     drop(app, bare, one)
-    assert "open the model first" in bare.notices.mistake.text
+    assert "mesh can be used with a model only; open the model first" in bare.notices.mistake.text
+    (offer,) = (text for text in texts(bare.start_page) if "drop here" in text)
+    assert not any(word in offer for word in ("mesh", "handles", "poses", "picture"))
     Image.new("RGB", (8, 6)).save(tmp_path / "view.png")
     drop(app, bare, tmp_path / "view.png")
     assert (
