@@ -15,6 +15,7 @@ from .directories import (
     digest as digest,
 )
 from .file_kinds import (
+    SHAPE_SUFFIXES as SHAPE_SUFFIXES,
     expecting as expecting,
     kind_of as kind_of,
     wrong_kind as wrong_kind,
@@ -60,7 +61,6 @@ from .json_values import (
     read_value as read_value,
 )
 from .loading import (
-    SHAPE_SUFFIXES as SHAPE_SUFFIXES,
     load_mesh as load_mesh,
     load_shapes as load_shapes,
     shape_files as shape_files,

@@ -71,6 +71,13 @@ _KEYS: tuple[tuple[FileKind, frozenset[str]], ...] = (
     ("handles", frozenset({"frames"})),
     ("vertices", frozenset({"vertices"})),
 )
+SHAPE_SUFFIXES = (
+    ".obj", ".ply", ".off", ".stl", ".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz", ".mdd",
+    ".pc2",
+)  # fmt: skip
+"""Suffixes of the files of which a folder has one a shape, and of point caches."""
+# Bytes beyond which JSON, such as handles of a million frames, is not read once more for a message.
+_LARGEST_READ = 50_000_000
 _PICTURES = (".png", ".jpg", ".jpeg", ".gif", ".mp4", ".mov", ".avi", ".mkv", ".webm")
 
 
@@ -80,8 +87,6 @@ def kind_of(path: PathLike) -> FileKind | None:
     Args:
         path: the file or folder. JSON is told by its keys, any other file by its suffix.
     """
-    from deformer.io.loading import SHAPE_SUFFIXES  # that module tells kinds, too
-
     path = checked_path(path)
     try:
         if path.is_dir():
@@ -101,8 +106,10 @@ def kind_of(path: PathLike) -> FileKind | None:
 
 def _kind_of_json(path: Path) -> FileKind | None:
     try:
+        if path.stat().st_size > _LARGEST_READ:
+            return None
         found: Any = json.loads(read_bytes(path))
-    except (InputError, ValueError, RecursionError, MemoryError):
+    except (InputError, OSError, ValueError, RecursionError):
         return None
     if isinstance(found, list) and found:
         found = found[0]

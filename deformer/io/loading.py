@@ -29,7 +29,7 @@ from deformer.geometry import (
     shape_sequence,
 )
 from deformer.io.atomic import PathLike, check_file, read_bytes
-from deformer.io.file_kinds import wrong_kind
+from deformer.io.file_kinds import SHAPE_SUFFIXES, wrong_kind
 from deformer.io.gltf import read_gltf
 from deformer.io.gltf_shapes import GltfReader, read_shapes as read_gltf_shapes
 from deformer.io.npz import read_npz, read_rows_of
@@ -64,8 +64,6 @@ _SEQUENCE_READERS: dict[str, Callable[[Path, float | None, _Clip, Empty], ShapeS
     ".gltf": lambda path, fps, clip, empty: read_gltf_shapes(read_gltf(path), fps, clip, empty),
     **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), read_usd_shapes),
 }
-SHAPE_SUFFIXES = (*_READERS, *CACHE_SUFFIXES)
-"""Suffixes of the files of which a folder has one a shape, and of point caches."""
 _SUFFIX_LIST = ", ".join(SHAPE_SUFFIXES)
 
 

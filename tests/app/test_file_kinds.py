@@ -9,6 +9,7 @@ import pytest
 import deformer
 from command import DEFORMER
 from deformer import InputError, io
+from deformer.io import file_kinds, loading, point_caches
 from deformer_app.cli.synthesis import start_code
 from deformer_app.rendering.footage import open_footage
 from deformer_app.viewer.pose_files import load_library, save_library
@@ -155,3 +156,15 @@ def test_suffixes_of_pictures_are_those_that_are_read(tmp_path):
     for suffix in PICTURES + VIDEOS:
         (tmp_path / f"a{suffix}").write_bytes(np.arange(8, dtype=np.uint8).tobytes())
         assert io.kind_of(tmp_path / f"a{suffix}") == "picture"
+
+
+def test_every_suffix_of_shapes_has_a_reader():
+    assert {*loading._READERS, *point_caches.CACHE_SUFFIXES} == {*io.SHAPE_SUFFIXES}
+
+
+def test_a_file_too_large_to_be_read_twice_is_of_no_kind(tmp_path, monkeypatch):
+    file = tmp_path / "handles.json"
+    file.write_text('{"handles": []}')
+    assert io.kind_of(file) == "handles"
+    monkeypatch.setattr(file_kinds, "_LARGEST_READ", 10)
+    assert io.kind_of(file) is None
