@@ -22,11 +22,12 @@ from deformer_app.viewer.events import (
     Pixel,
     WheelTurned,
 )
-from deformer_app.viewer.gizmo import is_square
+from deformer_app.viewer.gizmo import Gizmo, is_square
 from deformer_app.viewer.gizmo_drag import GizmoDrag
 from deformer_app.viewer.handle_drags import BoxSelection, HandleDrag, Placement, RegionStroke
 from deformer_app.viewer.stage import Hover, Stage
 from deformer_app.viewer.typed_numbers import ENTER
+from deformer_app.viewer.view_cube import is_reached
 from deformer_app.viewer.view_drags import Orbit, Pan
 from deformer_app.viewer.zoom import zoomed_by_wheel
 
@@ -161,15 +162,23 @@ class Controller:
             zoomed_by_wheel(stage.camera, notches, pixel, depth, stage.size, stage.spans)
         )
 
-    def _under(self, pixel: Pixel, with_gizmo: bool = True) -> Hover:
-        """Return the vertex, handle or part that a press of the left button would act on."""
+    def _under(self, pixel: Pixel) -> Hover:
+        """Return what a press of the left button would act on."""
         stage = self._stage
-        side = stage.cube_at(pixel)
-        if side is not None:
+        gizmo, side = stage.gizmo, stage.cube_at(pixel)
+        if side is None:
+            return self._behind_cube(pixel, gizmo)
+        if gizmo is None or not is_reached(gizmo, stage.camera, stage.size):
             return Hover(side=side)
+        # The cube is faded: what is seen through it has priority.
+        found = self._behind_cube(pixel, gizmo)
+        return Hover(side=side) if found == Hover() else found
+
+    def _behind_cube(self, pixel: Pixel, gizmo: Gizmo | None) -> Hover:
+        """Return the vertex, handle or part at a pixel, with or without the manipulator."""
+        stage = self._stage
         if stage.tool == "paint":
             return Hover(vertex=stage.vertex_at(pixel))
-        gizmo = stage.gizmo if with_gizmo else None
         part = gizmo.part_at(pixel, stage.camera, stage.size) if gizmo else None
         # A handle is at the centre of its manipulator: there the handle has priority, and so it has
         # inside of squares, which have room for both.
@@ -188,12 +197,12 @@ class Controller:
             return Orbit(stage, pixel, lambda: stage.context_menu(pixel, self._under(pixel)))
         if keys.alt:
             return Orbit(stage, pixel)
-        side = stage.cube_at(pixel)
+        under = self._under(pixel)
+        side = under.side
         if side is not None:
             return Orbit(stage, pixel, lambda: stage.look_from(side))
         if keys.control and stage.tool == "drag":
             return BoxSelection(stage, pixel)
-        under = self._under(pixel)
         if stage.tool == "paint":
             return (
                 Orbit(stage, pixel) if under.vertex is None else RegionStroke(stage, under.vertex)
@@ -201,7 +210,7 @@ class Controller:
         if under.part is not None:
             return GizmoDrag(
                 stage, under.part, pixel,
-                lambda: self._on(self._under(pixel, with_gizmo=False), pixel, keys).release(keys),
+                lambda: self._on(self._behind_cube(pixel, None), pixel, keys).release(keys),
             )  # fmt: skip
         return self._on(under, pixel, keys)
 

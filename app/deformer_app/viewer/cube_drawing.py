@@ -17,6 +17,7 @@ from deformer_app.rendering.palette import SELECTED, Theme, rgb
 from deformer_app.viewer.view_cube import FACES, HALF, REACH, Side, Size, centre, outlines
 
 _TEXTURE = 256  # pixels along each side of a face's picture
+_FADED = 0.25  # opacity while the manipulator is behind the cube
 _RAISED = 1.004  # half an edge of what is drawn on the cube
 
 
@@ -41,7 +42,7 @@ class CubeDrawing:
         self._texture = vtkTexture()
         self._texture.InterpolateOn()
         self._texture.MipmapOn()
-        faces = _actor([_face(side) for side in FACES], np.concatenate(_cells()))
+        self._faces = faces = _actor([_face(side) for side in FACES], np.concatenate(_cells()))
         faces.SetTexture(self._texture)
         faces.GetProperty().BackfaceCullingOn()
         self.renderer.AddActor(faces)
@@ -55,6 +56,10 @@ class CubeDrawing:
     def show(self, shown: bool) -> None:
         """Draw the cube, or leave it out."""
         self.renderer.SetDraw(shown)
+
+    def fade(self, faded: bool) -> None:
+        """Let what is behind the cube be seen through it, or not."""
+        self._faces.GetProperty().SetOpacity(_FADED if faded else 1.0)
 
     @property
     def shown(self) -> bool:

@@ -158,13 +158,22 @@ class Gizmo:
 
     def part_at(self, pixel: ArrayLike, camera: Camera, size: Size) -> str | None:
         """Return the part under a pixel: the nearest within reach; a square, anywhere inside it."""
-        at, best = np.asarray(pixel, dtype=np.float64), (float(REACH), None)
+        distances = self._distances(pixel, camera, size)
+        part = min(distances, key=lambda name: distances[name], default=None)
+        return None if part is None or distances[part] >= REACH else part
+
+    def distance(self, pixel: ArrayLike, camera: Camera, size: Size) -> float:
+        """Return the distance in pixels from a pixel to the centre or, if nearer, to a part."""
+        apart = camera.project(np.array([self.centre]), size)[0] - np.asarray(pixel)
+        return min([float(np.hypot(*apart)), *self._distances(pixel, camera, size).values()])
+
+    def _distances(self, pixel: ArrayLike, camera: Camera, size: Size) -> dict[str, float]:
+        """Return the distance in pixels from a pixel to each part that can be used."""
+        at, found = np.asarray(pixel, dtype=np.float64), {}
         for part in self.parts_seen(camera):
             line = camera.project(self.outline(part, camera, size), size)
-            distance = 0.0 if is_square(part) and _inside(at, line) else _to_line(at, line)
-            if distance < best[0]:
-                best = (distance, part)
-        return best[1]
+            found[part] = 0.0 if is_square(part) and _inside(at, line) else _to_line(at, line)
+        return found
 
     def step(
         self, part: str, start: ArrayLike, now: ArrayLike, camera: Camera, size: Size

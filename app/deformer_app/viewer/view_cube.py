@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deformer_app.rendering.camera import Camera
 from deformer_app.viewer.events import Pixel
+from deformer_app.viewer.gizmo import Gizmo
 
 # Part of the cube's surface, from -1 to 1 along its left, up and front: three of a corner are not
 # zero, two of an edge, one of a face.
@@ -52,6 +53,11 @@ def side_at(pixel: Pixel, axes: ArrayLike, size: Size) -> Side | None:
     entry = origin + near * backward
     i, j, k = (int(np.sign(value)) if abs(value) > _INNER else 0 for value in entry)
     return i, j, k
+
+
+def is_reached(gizmo: Gizmo, camera: Camera, size: Size) -> bool:
+    """Return True if the manipulator reaches the cube's part of a picture of `size`."""
+    return gizmo.distance(centre(size), camera, size) < REACH
 
 
 def outlines(side: Side) -> list[NDArray[np.float64]]:

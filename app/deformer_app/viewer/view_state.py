@@ -36,7 +36,7 @@ from deformer_app.viewer.saved_cameras import SavedCameras
 from deformer_app.viewer.scene import MeshView
 from deformer_app.viewer.stage import Hover, Measure, Tool
 from deformer_app.viewer.target import Target
-from deformer_app.viewer.view_cube import Side, side_at
+from deformer_app.viewer.view_cube import Side, is_reached, side_at
 from deformer_app.viewer.viewpoint import Viewpoint
 
 _REST = 0.25  # seconds without change after which the picture is drawn sharply
@@ -149,7 +149,9 @@ class ViewState:
         oriented = [handle for handle in self.acting(handles) if handle.orientation is not None]
         overlays.show_frames([(h.centre, np.array(h.orientation)) for h in oriented])
         overlays.show_hover([] if vertex is None else vertices[[vertex]])
-        overlays.show_gizmo(self.gizmo(handles), self.hovered.part)
+        gizmo, size = self.gizmo(handles), self.view.size
+        overlays.show_gizmo(gizmo, self.hovered.part)
+        self.view.cube.fade(gizmo is not None and is_reached(gizmo, self.camera, size))
         self.view.cube.light(self.hovered.side)
         self.view.surface.show_patches(
             [*drawn.patches, *([Patch(self.stroke, REGION)] if self.stroke else ())]

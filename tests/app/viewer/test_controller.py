@@ -17,8 +17,10 @@ from deformer_app.viewer.events import (
 )
 from deformer_app.viewer.gizmo import Gizmo
 from deformer_app.viewer.stage import Hover
+from deformer_app.viewer.view_cube import HALF, centre
 
 SIZE = (400, 400)
+CUBE = tuple(centre(SIZE))
 FREE, SHIFT, CONTROL, ALT = Keys(), Keys(shift=True), Keys(control=True), Keys(alt=True)
 
 
@@ -57,7 +59,7 @@ class Stage:
         return None
 
     def cube_at(self, pixel):
-        return (0, 0, 1) if pixel[0] > 360 and pixel[1] < 40 else None
+        return (0, 0, 1) if np.abs(np.subtract(pixel, CUBE)).max() < HALF else None
 
     def look_from(self, side):
         self.log.append(("look", side))
@@ -213,13 +215,47 @@ def test_no_stray_handle_at_the_end_of_an_orbit_or_pan(stage, controller, start,
 def test_a_press_on_the_orientation_cube_turns_the_view_and_keeps_the_selection(stage, controller):
     stage.place(200200, False)
     stage.log.clear()
-    move(controller, (380, 20))
+    move(controller, CUBE)
     assert stage.hovers[-1] == Hover(side=(0, 0, 1))
-    click(controller, (380, 20))
+    click(controller, CUBE)
     assert stage.log == [("look", (0, 0, 1))]
-    drag(controller, (380, 20), (200, 200))
+    drag(controller, CUBE, (200, 200))
     assert set(stage.log[1:]) == {"camera"}
     assert stage.selected
+
+
+def test_what_is_seen_through_the_cube_has_priority_and_beside_it_the_cube_turns(stage, controller):
+    """The manipulator of a handle below the cube: its axis "y" reaches into the cube."""
+    click(controller, (210, 190))
+    x, y = CUBE
+    stage.handles[1] = stage.camera.unproject((x, y + 40), 10.0, SIZE)
+    stage.gizmo_shown = True
+    tip = stage.camera.project(stage.gizmo.outline("y", stage.camera, SIZE), SIZE)[1]
+    assert stage.cube_at(tip) is not None
+    stage.log.clear()
+    drag(controller, tuple(tip), (tip[0], tip[1] - 20))
+    np.testing.assert_allclose(pixel_of(stage, 1), (x, y + 20), atol=1e-6)
+    assert stage.log == [("commit", "Move")]
+    drag(controller, tuple(pixel_of(stage, 1)), (x - 5, y - 5))
+    np.testing.assert_allclose(pixel_of(stage, 1), (x - 5, y - 5), atol=1e-6)
+    stage.vertex_at = lambda pixel: 5 if pixel == (x - 20, y + 18) else None
+    move(controller, (x - 20, y + 18))
+    assert stage.hovers[-1] == Hover(vertex=5)
+    stage.log.clear()
+    click(controller, (x - 20, y + 20))
+    assert stage.log == [("look", (0, 0, 1))] and stage.selected == {1}
+    # A click on the manipulator acts on the body below it, here on nothing.
+    end = stage.camera.project(stage.gizmo.outline("x", stage.camera, SIZE), SIZE)[1]
+    click(controller, (x + 20, end[1]))
+    assert stage.log == [("look", (0, 0, 1))] and not stage.selected
+
+
+def test_a_handle_behind_the_cube_that_cannot_be_moved_is_left_to_the_cube(stage, controller):
+    click(controller, (210, 190))
+    stage.handles[1] = stage.camera.unproject(CUBE, 10.0, SIZE)
+    stage.log.clear()
+    click(controller, CUBE)
+    assert stage.log == [("look", (0, 0, 1))]
 
 
 def test_a_click_beside_the_body_selects_nothing(stage, controller):

@@ -76,6 +76,38 @@ def test_a_click_on_a_face_looks_from_there_and_a_drag_turns(editor):
     assert editor.edit.handles == () and len(editor.session.entries) == 1
 
 
+def test_a_manipulator_behind_the_cube_is_seen_through_it_and_pressed(editor):
+    """No press on an axis or on the handle that it moves turns the view, also within the cube."""
+    x, y = centre(SIZE)
+    editor.handles.place(100)
+    editor.commit("Place handle")
+    gizmo, camera = editor.stage.gizmo, editor.state.camera
+    depth = float(camera.depths([gizmo.centre])[0])
+    there, here = (camera.unproject(p, depth, SIZE) for p in ((x - 25, y + 5), (60, 300)))
+
+    def move_to(point):
+        editor.handles.set_centre(point)
+        finish(editor)
+        return cube_pixels(editor)
+
+    away, covered = move_to(here), move_to(there)
+    assert np.abs(covered - away).max(axis=2).mean() > 20, "the cube is faded"
+    gizmo = editor.stage.gizmo
+    pressed = set()
+    for part in gizmo.parts_seen(camera):
+        line = camera.project(gizmo.outline(part, camera, SIZE), SIZE)
+        for at in np.floor(np.linspace(line[0], line[1], 9)) + 0.5:
+            if editor.stage.cube_at(tuple(at)) is not None:
+                event(editor, "MouseMove", at)
+                assert editor.state.hovered.side is None
+                pressed.add(editor.state.hovered.part)
+    assert len(pressed - {None}) >= 2
+    event(editor, "MouseMove", (x + 15, y - 10))
+    assert editor.state.hovered.side is not None
+    event(editor, "MouseMove", (5, 350))
+    np.testing.assert_array_equal(move_to(here), away)
+
+
 def test_the_cube_is_drawn_turned_lit_and_left_out(editor):
     editor.picture.frame(0, 0)
     finish(editor)
