@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from deformer_app.rendering.camera import Camera, aim
 from deformer_app.rendering.offscreen import Picture
-from deformer_app.rendering.palette import Theme
+from deformer_app.rendering.palette import DARK, LIGHT, Theme
 from deformer_app.viewer.editor import Editor
 from deformer_app.viewer.shape_drawing import SUPERSAMPLING, ShapeDrawing, hidden_plotter
 from deformer_app.viewer.worker import in_background
@@ -84,8 +84,9 @@ class Thumbnails:
         """Return the pictures (n, n, 4) of a subject, one a code, with a transparent background.
 
         Returns:
-            None until they are drawn, and without a model; `on_drawn` tells when. Asking again
-            keeps a request among those that are drawn: of many, the oldest are dropped.
+            Those of another theme, if there are any, or else None, until they are drawn; None
+            without a model. `on_drawn` tells when. Asking again keeps a request among those that
+            are drawn: of many, the oldest are dropped.
         """
         editor = self._editor
         if not editor.is_open:
@@ -95,15 +96,17 @@ class Thumbnails:
         if found is not None:
             self._cache.move_to_end(request)
             return found
+        others = (replace(request, theme=theme) for theme in (LIGHT, DARK))
+        before = next((self._cache[other] for other in others if other in self._cache), None)
         if self._failed or self._closed:
-            return None
+            return before
         self._waiting.setdefault(request)
         while len(self._waiting) > _WAITING:
             self._waiting.popitem(last=False)
         if not self._running:
             self._running = True
             editor.run(self._work())
-        return None
+        return before
 
     @property
     def waiting(self) -> int:

@@ -82,13 +82,14 @@ def test_a_component_is_shown_where_it_acts(editor, thumbnails):
     assert areas[1] > areas[0], "nearer, so larger"
 
 
-def test_the_theme_changes_the_pictures(editor, thumbnails):
+def test_the_theme_changes_the_pictures_and_the_old_ones_are_shown_until_then(editor, thumbnails):
     subject = Subject(codes(editor, 0))
     thumbnails.pictures(subject)
     finish(editor)
     light = thumbnails.pictures(subject)[0]
     editor.picture.change_look(dark=True)
-    assert thumbnails.pictures(subject) is None
+    assert thumbnails.pictures(subject)[0] is light and thumbnails.waiting == 1
+    assert thumbnails.pictures(Subject(codes(editor, 5))) is None
     finish(editor)
     assert (thumbnails.pictures(subject)[0] != light).any()
 

@@ -64,6 +64,27 @@ def test_examples_have_pictures_and_a_double_click_starts_from_one(app, window, 
     np.testing.assert_allclose(window.editor.code, first)
 
 
+def test_the_pictures_of_one_theme_are_shown_until_those_of_the_other_are_there(app, window, strip):
+    def shown():
+        """Numbers of colours of the examples in sight; a name alone has few."""
+        found, view = [], strip.examples.viewport()
+        for row in range(strip.examples.count()):
+            at = strip.examples.visualItemRect(strip.examples.item(row))
+            if view.rect().contains(at):
+                image = view.grab(at).toImage()
+                pixels = [(x, y) for x in range(image.width()) for y in range(image.height())]
+                found.append(len({image.pixel(x, y) for x, y in pixels}))
+        return np.array(found)
+
+    rest(app, window)
+    light = shown()
+    window.act("dark")
+    waiting = shown()
+    assert window.thumbnails.waiting and (waiting > light / 2).all()
+    rest(app, window)
+    assert not window.thumbnails.waiting and (shown() > light / 2).all()
+
+
 def test_a_pose_is_saved_renamed_deleted_and_brought_back_by_keys(app, window, strip):
     from PySide6.QtCore import Qt
     from PySide6.QtTest import QTest
