@@ -224,7 +224,7 @@ class MeshView:
             self._magnify()
         size = self.size
         self.cube.place(size)
-        self.surface.bar.place(self.plotter.render_window.GetSize())
+        self.surface.bar.place(self.plotter.render_window.GetSize(), self._density)
         if self.camera is not None:
             self.plane.place(self.camera, _BACK * self._far, size)
         self.plotter.render()

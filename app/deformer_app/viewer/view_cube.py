@@ -24,13 +24,16 @@ FACES: dict[Side, str] = {
 }
 HALF = 25.0  # pixels, half an edge of the cube
 REACH = 48  # pixels from the cube's centre to the border of its part of the picture
-ASIDE, _DOWN = 58.0, 82.0  # pixels of its centre from the picture's top right corner
+_ASIDE, _DOWN = 58.0, 82.0  # pixels of its centre from the picture's top right corner
+# Pixels from the picture's right to the left border of the cube's part, and from its top to the
+# bottom one.
+LEFT, BOTTOM = _ASIDE + REACH, _DOWN + REACH
 _INNER = 0.62  # share of a face that belongs to no edge
 
 
 def centre(size: Size) -> NDArray[np.float64]:
     """Return the pixel (2,) of the cube's centre in a picture of `size` (width, height)."""
-    return np.array([size[0] - ASIDE, _DOWN])
+    return np.array([size[0] - _ASIDE, _DOWN])
 
 
 def side_at(pixel: Pixel, axes: ArrayLike, size: Size) -> Side | None:

@@ -71,3 +71,41 @@ def test_the_bar_has_a_ground_of_its_own_before_a_surface_of_its_colours(dark, s
         behind = picture[rows[0] - 4 : rows[-1] + 5, [columns[-1] + 3]]
         assert np.abs(behind - rgb(theme.background)).max() < 45
         assert np.abs(picture[rows[0] - 4, columns] - rgb(theme.background)).max() < 45
+
+
+@pytest.mark.parametrize("density", [1.0, 2.0])
+@pytest.mark.parametrize("size", [(254, 150), (254, 200), (254, 247), (400, 330), (1300, 800)])
+def test_the_bar_lies_beside_the_cube_and_is_drawn_whole(size, density):
+    """Down to the smallest picture of the window: all of the bar that a large picture shows."""
+    from deformer_app.rendering.offscreen import off_screen
+    from deformer_app.rendering.palette import LIGHT, rgb
+    from deformer_app.viewer.colouring import Paint
+    from deformer_app.viewer.surface import Surface
+    from deformer_app.viewer.view_cube import BOTTOM, LEFT
+
+    mesh = small_model().reference
+
+    def ink(size):
+        """Rows and columns, in pixels that a person sees, of each dark pixel of the texts."""
+        pixels = [round(density * side) for side in size]
+        with off_screen():
+            plotter = pv.Plotter(off_screen=True, window_size=pixels)
+        plotter.set_background(LIGHT.background)
+        surface = Surface(plotter, LIGHT)
+        surface.set_mesh(mesh.vertices, mesh.faces, np.tile([0.0, 0, 1], (len(mesh.vertices), 1)))
+        values = np.zeros(len(mesh.vertices))
+        surface.paint(Paint(values, "vertices", "displacement\n(model units)", (0.0, 0.11)))
+        surface.actor.VisibilityOff()
+        surface.bar.place(tuple(pixels), density)
+        picture = plotter.screenshot(return_img=True).astype(int)
+        plotter.close()
+        return np.argwhere(np.abs(picture - rgb(LIGHT.ink)).max(axis=2) < 40) / density
+
+    here, large = ink(size), ink((1300, 800))
+    assert len(here) == pytest.approx(len(large), rel=0.15)
+    np.testing.assert_allclose(np.ptp(here[:, 1]), np.ptp(large[:, 1]), atol=2)
+    lines = [np.count_nonzero(np.diff(np.unique(found[:, 0])) > 1) for found in (here, large)]
+    assert lines[0] == lines[1], "the title and each number are apart"
+    (above, left), (below, right) = here.min(axis=0), here.max(axis=0)
+    assert above > BOTTOM or right < size[0] - LEFT
+    assert left > 0 and above > 4 and right < size[0] - 4 and below < size[1] - 4

@@ -251,5 +251,6 @@ def _button(text: str, about: str, checkable: bool = False) -> QToolButton:
     button.setAutoRaise(True)
     button.setCheckable(checkable)
     button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+    button.setProperty("narrow", True)
     button.setFixedSize(22, 22)
     return button

@@ -7,7 +7,7 @@ from typing import Any
 
 from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QAction, QKeySequence
-from PySide6.QtWidgets import QMainWindow, QMenu, QToolBar
+from PySide6.QtWidgets import QMainWindow, QMenu, QToolBar, QToolButton
 
 from deformer_app.viewer.actions import ACTIONS, MENUS, Action, Shell
 from deformer_app.viewer.qt.camera_menu import CameraMenu
@@ -51,6 +51,11 @@ class Menus:
         bar.setIconSize(QSize(18, 18))
         bar.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
         window.addToolBar(bar)
+        # Of Qt 6.11.3: a bar that has unfolded with an animation shows no more tools in a wider window.
+        window.setAnimated(False)
+        more = bar.findChild(QToolButton, "qt_toolbar_ext_button")  # shown when not all tools fit
+        put_icon(more, "chevrons-right")
+        more.setToolTip("More tools")
         for action in ACTIONS:
             item = QAction(action.title, window)
             item.setShortcuts([QKeySequence(key) for key in action.keys])

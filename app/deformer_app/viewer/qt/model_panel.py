@@ -77,6 +77,7 @@ class ModelPanel(QWidget):
         self._floor.clicked.connect(lambda _: editor.floor.switch())
         self._height.setRange(-1e9, 1e9)
         self._height.setDecimals(4)
+        self._height.setMinimumWidth(90)  # Qt's is that of the largest height
         self._height.setKeyboardTracking(False)
         self._height.setToolTip("Height of the floor along the model's up axis")
         self._height.valueChanged.connect(editor.floor.set_height)

@@ -11,11 +11,11 @@ from PySide6.QtWidgets import QLabel, QStackedWidget, QVBoxLayout, QWidget
 from deformer_app.viewer.qt.later import later
 from deformer_app.viewer.qt.preparing_strip import PreparingStrip
 from deformer_app.viewer.qt.strip import Strip
-from deformer_app.viewer.view_cube import ASIDE, REACH
+from deformer_app.viewer.view_cube import LEFT
 
 _WIDEST, _NARROWEST = 660, 260  # pixels
 _MARGIN = 12  # pixels between notices and the edges of the picture
-_CUBE = round(ASIDE) + REACH  # pixels at the right that belong to the orientation cube
+_CUBE = round(LEFT)  # pixels at the right that belong to the orientation cube
 _WORK = 100  # pixels on each side of what the user works on that notices leave free
 # How long a note is shown, in milliseconds: to find it, and to read each of its characters.
 _TO_FIND, _TO_READ = 2500, 60
@@ -226,7 +226,9 @@ class Notices(QWidget):
         """The strips' left edge and their width: in the middle, or beside the user's work."""
         frame = self._frame
         left = frame.x() + _MARGIN
-        room = frame.width() - 2 * _MARGIN - (_CUBE if self._on_picture else 0)
+        room = frame.width() - 2 * _MARGIN
+        if self._on_picture and room - _CUBE >= _NARROWEST:  # else they cover the cube
+            room -= _CUBE
         if self._work is None or not self._on_picture:
             width = max(min(_WIDEST, room), 1)
             return left + (room - width) // 2, width

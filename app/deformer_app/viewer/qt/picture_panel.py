@@ -14,7 +14,6 @@ from PySide6.QtWidgets import (
     QHBoxLayout,
     QLabel,
     QPushButton,
-    QSizePolicy,
     QWidget,
 )
 
@@ -54,10 +53,10 @@ class PicturePanel(QWidget):
         folder.clicked.connect(lambda: self._open(self._dialogs.ask_folder("Folder of pictures")))
         self._remove.clicked.connect(self._close)
         buttons = QHBoxLayout()
+        buttons.setSpacing(4)
         for button in (choose, folder, self._remove):
-            # Of equal width, however narrow the dock is.
-            button.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Fixed)
-            buttons.addWidget(button)
+            button.setProperty("narrow", True)
+            buttons.addWidget(button, 1)
         self.opacity = Slider(lambda n: self._place(opacity=n / STEPS), editor.touch)
         self.time = Slider(self._go_to, lambda: None)
         self.in_front = QCheckBox("In front of the model")

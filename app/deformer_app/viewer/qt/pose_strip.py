@@ -22,11 +22,14 @@ from deformer_app.viewer.model_files import start_codes
 from deformer_app.viewer.pose_blend import PoseBlend
 from deformer_app.viewer.pose_commands import change_poses, copied, save_pose, start_with_handles
 from deformer_app.viewer.poses import SavedPose
+from deformer_app.viewer.qt.elided_label import ElidedLabel
+from deformer_app.viewer.qt.horizontal_scroll import HorizontalScroll
 from deformer_app.viewer.qt.pose_list import NamedCode, PoseList
 from deformer_app.viewer.qt.slider import STEPS, Slider
 from deformer_app.viewer.qt.surroundings import Surroundings
 
 _FEW = 24  # examples that are shown at first
+_SLIDER = 60  # pixels, at least
 _FIXED = 2  # the reference and the mean, which come before the examples
 
 
@@ -62,8 +65,8 @@ class PoseStrip(QWidget):
         self.every.clicked.connect(self._list_examples)
         self.blend = Slider(lambda n: self._blend.move(n / STEPS), self._blend.commit)
         self.blend.setToolTip("From the present pose to the selected one")
-        self._blend_label = QLabel()
-        self._blend_label.setTextFormat(Qt.TextFormat.PlainText)
+        self.blend.setMinimumWidth(_SLIDER)
+        self._blend_label = ElidedLabel()
         for shown in (self.saved, self.examples):
             shown.itemSelectionChanged.connect(lambda s=shown: self._choose(s))
             shown.started.connect(lambda row, s=shown: self._start(s.poses[row]))
@@ -85,8 +88,12 @@ class PoseStrip(QWidget):
             head = QHBoxLayout()
             head.addWidget(QLabel(title))
             head.addWidget(button)
-            head.addStretch(1)
-            if shown is self.examples:
+            if shown is self.saved:
+                head.addStretch(1)
+            else:
+                self._blend_label.setAlignment(
+                    Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+                )
                 head.addWidget(self._blend_label)
                 head.addWidget(self.blend, 2)
             column = QVBoxLayout(part)
@@ -100,7 +107,7 @@ class PoseStrip(QWidget):
         lists.setChildrenCollapsible(False)
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
-        column.addWidget(lists)
+        column.addWidget(HorizontalScroll(lists))
 
     def model_changed(self) -> None:
         """List the examples of another model."""

@@ -1,4 +1,4 @@
-"""Qt's style with the project's icons in dialogs."""
+"""Qt's style with the project's icons in dialogs, and a tool bar that shows when it has more."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from PySide6.QtWidgets import QProxyStyle, QStyle, QStyleOption, QWidget
 
 from deformer_app.viewer.qt.icons import icon
 
-_Kind = QStyle.StandardPixmap
+_Kind, _Metric = QStyle.StandardPixmap, QStyle.PixelMetric
+_MORE = 28  # pixels of the button of a tool bar that has more than fits
 _ICONS = {
     _Kind.SP_ArrowBack: "arrow-left",
     _Kind.SP_ArrowForward: "arrow-right",
@@ -34,7 +35,7 @@ _ICONS = {
 
 
 class ProjectStyle(QProxyStyle):
-    """Fusion, with the project's icons where a dialog asks for standard ones."""
+    """Fusion, with the project's icons in dialogs and room for one in a tool bar that has more."""
 
     def __init__(self) -> None:
         """Take Fusion as the base."""
@@ -49,3 +50,14 @@ class ProjectStyle(QProxyStyle):
         """Return the project's icon of a kind, or else the base's."""
         name = _ICONS.get(standardIcon)
         return super().standardIcon(standardIcon, option, widget) if name is None else icon(name)
+
+    def pixelMetric(
+        self,
+        metric: QStyle.PixelMetric,
+        option: QStyleOption | None = None,
+        widget: QWidget | None = None,
+    ) -> int:
+        """Return a length in pixels."""
+        if metric == _Metric.PM_ToolBarExtensionExtent:
+            return _MORE
+        return super().pixelMetric(metric, option, widget)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from PySide6.QtCore import Qt
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import (
     QFrame,
     QHBoxLayout,
@@ -16,6 +17,8 @@ from PySide6.QtWidgets import (
 )
 
 from deformer_app.viewer.qt.icons import put_icon
+
+_NARROW = 400  # pixels
 
 
 class Strip(QFrame):
@@ -38,11 +41,20 @@ class Strip(QFrame):
         self.row.setContentsMargins(12, 7, 8, 7)
         self.row.addWidget(self._label, 1)
         self._buttons: dict[str, QPushButton] = {}
+        row = QHBoxLayout()
         for title, run in buttons:
             self._buttons[title] = button = QPushButton(title)
             button.clicked.connect(lambda _, f=run: f())
-            self.row.addWidget(button)
+            row.addWidget(button)
+        self.row.addLayout(row)
         self.hide()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Put the buttons below the text where it would have little room beside them."""
+        super().resizeEvent(event)
+        way = QHBoxLayout.Direction
+        beside = not self._buttons or self.width() >= _NARROW
+        self.row.setDirection(way.LeftToRight if beside else way.TopToBottom)
 
     @property
     def text(self) -> str:

@@ -33,6 +33,7 @@ QToolButton:checked {{ background: {raised}; border-color: {accent}; }}
 QToolButton:focus {{ border: 2px solid {accent}; padding: 3px 6px; }}
 QToolButton[narrow="true"] {{ padding: 4px 3px; }}
 QToolButton[narrow="true"]:focus {{ padding: 3px 2px; }}
+QToolButton#qt_toolbar_ext_button {{ padding: 0; }}
 QToolButton:disabled {{ color: {disabled}; }}
 
 QDockWidget {{ titlebar-close-icon: none; titlebar-normal-icon: none; font-weight: 600; }}
@@ -111,8 +112,8 @@ QHeaderView::section {{ background: {window}; color: {muted}; border: none;
 QScrollArea {{ border: none; }}
 QScrollBar:vertical {{ background: transparent; width: 10px; margin: 0; }}
 QScrollBar:horizontal {{ background: transparent; height: 10px; margin: 0; }}
-QScrollBar::handle {{ background: {line}; border-radius: 4px; min-height: 24px; min-width: 24px;
-    margin: 1px; }}
+QScrollBar::handle {{ background: {faint}; border-radius: 3px; min-height: 24px; min-width: 24px;
+    margin: 2px; }}
 QScrollBar::handle:hover {{ background: {muted}; }}
 QScrollBar::add-line, QScrollBar::sub-line {{ width: 0; height: 0; }}
 QScrollBar::add-page, QScrollBar::sub-page {{ background: transparent; }}
@@ -153,6 +154,7 @@ def stylesheet(theme: Theme) -> str:
         button=theme.widget("Button"),
         upon=theme.widget("HighlightedText"),
         line=theme.line,
+        faint=theme.widget("PlaceholderText"),
         muted=theme.muted,
         raised=theme.raised,
         accent=theme.accent,

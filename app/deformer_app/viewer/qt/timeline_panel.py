@@ -14,7 +14,7 @@ from PySide6.QtWidgets import (
     QHBoxLayout,
     QLabel,
     QProgressBar,
-    QScrollArea,
+    QSizePolicy,
     QSpinBox,
     QToolButton,
     QVBoxLayout,
@@ -22,8 +22,10 @@ from PySide6.QtWidgets import (
 )
 
 from deformer_app.viewer.editor import Editor
+from deformer_app.viewer.qt.horizontal_scroll import HorizontalScroll
+from deformer_app.viewer.qt.icons import put_icon
 from deformer_app.viewer.qt.onion_button import OnionButton
-from deformer_app.viewer.qt.timeline_rows import TimelineRows
+from deformer_app.viewer.qt.timeline_rows import ROW, TimelineRows, WholeRows
 from deformer_app.viewer.qt.timeline_ruler import LABELS, TimelineRuler
 from deformer_app.viewer.timeline.keys import LONGEST, RATES
 from deformer_app.viewer.timeline.scale import Scale
@@ -31,6 +33,7 @@ from deformer_app.viewer.timeline.scale import Scale
 _ZOOM = 1.2  # a notch of the wheel
 _NOTCH = 120  # Qt's units of a notch
 _NUMBER = 58  # width of a field, in pixels
+_BESIDE = 14  # pixels between the progress and frame 0, for the playhead's number
 
 
 class TimelinePanel(QWidget):
@@ -60,22 +63,17 @@ class TimelinePanel(QWidget):
         column.setContentsMargins(4, 2, 4, 2)
         column.setSpacing(2)
         self.onion = OnionButton(timeline)
-        top = QHBoxLayout()
-        top.addWidget(_narrow(self._playback_row()), 1)
-        top.addLayout(self._fit_row())  # always in sight
-        column.addLayout(top)
+        column.addWidget(self._controls())
         column.addWidget(self.ruler)
-        self._area = area = QScrollArea()
-        area.setWidgetResizable(True)
-        area.setFrameShape(QScrollArea.Shape.NoFrame)
-        area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        area.setWidget(self.rows)
-        area.setMinimumHeight(72)
-        column.addWidget(area, 1)
+        self._add_progress()
+        self._area = WholeRows(self.rows)
+        column.addWidget(self._area, 1)
         timeline.on_change.append(self.refresh)
 
-    def _playback_row(self) -> QHBoxLayout:
-        timeline, row = self._timeline, QHBoxLayout()
+    def _controls(self) -> QWidget:
+        timeline, body = self._timeline, QWidget()
+        row = QHBoxLayout(body)
+        row.setContentsMargins(0, 0, 0, 0)
         row.setSpacing(4)
         self.previous = self._button(row, "◂◆", "Previous key  Ctrl+Left",
                                      lambda: timeline.go_to_key(-1))  # fmt: skip
@@ -109,16 +107,22 @@ class TimelinePanel(QWidget):
         row.addWidget(self.smoothness)
         row.addWidget(self.onion)
         row.addStretch(1)
-        return row
+        area = HorizontalScroll(body)
+        area.setSizePolicy(QSizePolicy.Policy.Preferred, QSizePolicy.Policy.Fixed)
+        return area
 
-    def _fit_row(self) -> QHBoxLayout:
-        row = QHBoxLayout()
-        row.setSpacing(4)
+    def _add_progress(self) -> None:
+        """Add the progress of the fit beside the ruler's numbers, where nothing else is."""
+        place = QWidget(self.ruler)
+        place.setGeometry(0, 0, LABELS - _BESIDE, self.ruler.height())
+        row = QHBoxLayout(place)
+        row.setContentsMargins(0, 1, 0, 1)
+        row.setSpacing(2)
         self.progress = QProgressBar()
-        self.progress.setFixedWidth(110)
-        row.addWidget(self.progress)
-        self.cancel = self._button(row, "✕", "Stop the fit", self._timeline.cancel_fit)
-        return row
+        self.progress.setToolTip("Frames whose poses have been fitted to the keys")
+        row.addWidget(self.progress, 1)
+        self.cancel = self._button(row, "", "Stop the fit", self._timeline.cancel_fit)
+        put_icon(self.cancel, "x")
 
     def _button(self, row: QHBoxLayout, text: str, tip: str, run: Callable[[], Any]) -> QToolButton:
         button = QToolButton()
@@ -216,7 +220,7 @@ class TimelinePanel(QWidget):
         if progress is not None:
             done, total = progress
             # Hundreds of frames are fitted together and counted when all of them are done.
-            self.progress.setFormat("Fitting %v of %m" if done else "Fitting …")
+            self.progress.setFormat("%v of %m" if done else "Fitting …")
             self.progress.setRange(0, total)
             self.progress.setValue(done)
         self.rows.updateGeometry()
@@ -231,19 +235,5 @@ class TimelinePanel(QWidget):
             for owner in sorted(selected - self._seen or selected, reverse=True):
                 y = self.rows.middle(owner)
                 if y is not None:
-                    self._area.ensureVisible(0, round(y), 0, 16)
+                    self._area.ensureVisible(0, round(y), 0, ROW // 2)
         self._seen = selected
-
-
-def _narrow(row: QHBoxLayout) -> QScrollArea:
-    """A row in an area that scrolls sideways where it is wider than the window."""
-    body, area = QWidget(), QScrollArea()
-    row.setContentsMargins(0, 0, 0, 0)
-    body.setLayout(row)
-    area.setWidgetResizable(True)
-    area.setFrameShape(QScrollArea.Shape.NoFrame)
-    area.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-    area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-    area.setWidget(body)
-    area.setFixedHeight(body.sizeHint().height() + 2)
-    return area

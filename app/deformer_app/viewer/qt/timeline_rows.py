@@ -12,8 +12,9 @@ from PySide6.QtGui import (
     QPaintEvent,
     QPalette,
     QPolygonF,
+    QResizeEvent,
 )
-from PySide6.QtWidgets import QSizePolicy, QWidget
+from PySide6.QtWidgets import QFrame, QScrollArea, QSizePolicy, QWidget
 
 from deformer_app.rendering.palette import KINDS, SELECTED, TARGET
 from deformer_app.viewer.editor import Editor
@@ -21,7 +22,8 @@ from deformer_app.viewer.qt.timeline_ruler import LABELS, PLAYHEAD
 from deformer_app.viewer.timeline.keys import SLIDERS, KeyName, shift_within
 from deformer_app.viewer.timeline.scale import Scale
 
-_ROW = 20
+ROW = 20  # pixels
+_FEWEST = 3  # rows in sight
 _HALF = 5.0  # half the width of a diamond
 _NEAR = 7.0  # pixels from a diamond within which a press is on it
 _STILL = 4.0  # pixels of the mouse that are no drag
@@ -51,7 +53,7 @@ class TimelineRows(QWidget):
 
     def sizeHint(self) -> QSize:
         """As high as all rows."""
-        return QSize(LABELS + 200, _ROW * max(len(self._timeline.rows), 1))
+        return QSize(LABELS + 200, ROW * max(len(self._timeline.rows), 1))
 
     def minimumSizeHint(self) -> QSize:
         """As high as all rows."""
@@ -62,7 +64,7 @@ class TimelineRows(QWidget):
     def middle(self, owner: int) -> float | None:
         """The middle of a handle's row, in pixels from the top; None without a row."""
         owners = [row for row, _ in self._timeline.rows]
-        return (owners.index(owner) + 0.5) * _ROW if owner in owners else None
+        return (owners.index(owner) + 0.5) * ROW if owner in owners else None
 
     def position(self, name: KeyName) -> QPointF | None:
         """The middle of a key's diamond; None for a key without a row."""
@@ -70,7 +72,7 @@ class TimelineRows(QWidget):
         return None if y is None else QPointF(LABELS + self._scale().x(name[1]), y)
 
     def _key_at(self, at: QPointF) -> KeyName | None:
-        row = int(at.y() // _ROW)
+        row = int(at.y() // ROW)
         rows = self._timeline.rows
         if at.x() < LABELS or not 0 <= row < len(rows):
             return None
@@ -97,7 +99,7 @@ class TimelineRows(QWidget):
         at, timeline = event.position(), self._timeline
         more = bool(event.modifiers() & Qt.KeyboardModifier.ShiftModifier)
         if at.x() < LABELS:
-            self._select_row(int(at.y() // _ROW), more)
+            self._select_row(int(at.y() // ROW), more)
             return
         self._pressed, self._grabbed, self._shift = at, self._key_at(at), 0
         if self._grabbed is None:
@@ -185,27 +187,27 @@ class TimelineRows(QWidget):
             painter.drawRect(self._box)
 
     def _paint_row(self, painter: QPainter, n: int, owner: int, title: str, colour: QColor) -> None:
-        palette, y = self.palette(), n * _ROW
+        palette, y = self.palette(), n * ROW
         ink = palette.color(QPalette.ColorRole.WindowText)
         if n % 2:
             stripe = QColor(ink)
             stripe.setAlpha(10)
-            painter.fillRect(0, y, self.width(), _ROW, stripe)
+            painter.fillRect(0, y, self.width(), ROW, stripe)
         painter.setClipping(False)
         if owner in self._editor.handles.selected:
             chosen = palette.color(QPalette.ColorRole.Highlight)
             chosen.setAlpha(70)
-            painter.fillRect(0, y, LABELS, _ROW, chosen)
+            painter.fillRect(0, y, LABELS, ROW, chosen)
         painter.setPen(ink)
         flags = int(Qt.AlignmentFlag.AlignVCenter | Qt.AlignmentFlag.AlignLeft)
         room = LABELS - 12
         short = painter.fontMetrics().elidedText(title, Qt.TextElideMode.ElideMiddle, room)
-        painter.drawText(8, y, room, _ROW, flags, short)
+        painter.drawText(8, y, room, ROW, flags, short)
         track = self._timeline.clip.track(owner)
         if track is None:
             return
         painter.setClipRect(LABELS, 0, self.width() - LABELS, self.height())
-        middle, scale = y + _ROW / 2, self._scale()
+        middle, scale = y + ROW / 2, self._scale()
         frames = [f + self._shift if (owner, f) in self._moving else f for f in track.frames]
         line = QColor(colour)
         line.setAlpha(110)
@@ -228,6 +230,34 @@ class TimelineRows(QWidget):
     @property
     def _moving(self) -> frozenset[KeyName]:
         return self._timeline.selected if self._shift else frozenset()
+
+
+class WholeRows(QScrollArea):
+    """Scrolls rows up and down, and cuts none of them.
+
+    Args:
+        rows: what is shown.
+    """
+
+    def __init__(self, rows: TimelineRows) -> None:
+        """Show the rows."""
+        super().__init__()
+        self.setWidgetResizable(True)
+        self.setFrameShape(QFrame.Shape.NoFrame)
+        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.setWidget(rows)
+        self.setMinimumHeight(_FEWEST * ROW)
+        self.verticalScrollBar().setSingleStep(ROW)
+        self.verticalScrollBar().sliderReleased.connect(self._to_whole_row)
+
+    def _to_whole_row(self) -> None:
+        bar = self.verticalScrollBar()
+        bar.setValue(round(bar.value() / ROW) * ROW)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Leave free at the bottom what is too little for a row."""
+        super().resizeEvent(event)
+        self.setViewportMargins(0, 0, 0, self.height() % ROW)
 
 
 def _paint_key(painter: QPainter, x: float, y: float, half: float, linear: bool) -> None:

@@ -41,6 +41,7 @@ from deformer_app.viewer.qt.busy_mark import BusyMark
 from deformer_app.viewer.qt.context_menu import ContextMenu
 from deformer_app.viewer.qt.docks import Docks
 from deformer_app.viewer.qt.drops import Drops
+from deformer_app.viewer.qt.elided_label import ElidedLabel
 from deformer_app.viewer.qt.field_focus import FieldFocus
 from deformer_app.viewer.qt.file_dialogs import FileDialogs
 from deformer_app.viewer.qt.help_dialog import HelpDialog
@@ -65,6 +66,7 @@ from deformer_app.viewer.settings import Settings
 from deformer_app.viewer.shape_thumbnails import Thumbnails
 from deformer_app.viewer.vtk_input import listen
 
+_SMALLEST = (254, 150)  # pixels of a picture: room for the orientation cube and a colour bar
 _TICK = 4  # milliseconds between two ticks while the editor is busy
 _PANELS = 120  # milliseconds after a change until the docks show it
 
@@ -123,6 +125,7 @@ class Window(QMainWindow):
             self.editor.controller.handle_key,
             buttons=lambda: self.plotter.buttons,
         )
+        self.plotter.setMinimumSize(*_SMALLEST)
         self.plotter.takes_numbers = lambda: self.editor.controller.takes_numbers
         OwnKeys(self)
         FieldFocus(self, self.plotter)
@@ -152,7 +155,7 @@ class Window(QMainWindow):
             self, Surroundings(self.editor, self.thumbnails, self.settings, self.attempt)
         )
         self.menus.menus["View"].addActions(list(self.docks.toggles))
-        self._hint, self._times = QLabel(), QLabel()
+        self._hint, self._times = ElidedLabel(), QLabel()
         self.statusBar().addWidget(self._hint, 1)
         self._training_bar = TrainingBar(self.train)
         self.statusBar().addPermanentWidget(self._training_bar)

@@ -23,7 +23,13 @@ def app(display):
     os.environ.update(DISPLAY=display, QT_QPA_PLATFORM="xcb")
     from PySide6.QtWidgets import QApplication
 
+    from deformer_app.rendering.palette import LIGHT
+    from deformer_app.viewer.qt.project_style import ProjectStyle
+    from deformer_app.viewer.qt.theme import apply_theme
+
     application = QApplication.instance() or QApplication([])
+    application.setStyle(ProjectStyle())
+    apply_theme(LIGHT)  # before the first window, as in the program
     yield application
     application.shutdown()  # before its display ends: X would end the whole process
     for name, value in before.items():

@@ -25,6 +25,24 @@ def shown(panel):
     return [k for k, slider in panel.sliders.items() if slider.isVisibleTo(panel)]
 
 
+def test_signs_on_buttons_are_drawn_whole(app, window, panel):
+    from PySide6.QtGui import QImage
+    from PySide6.QtWidgets import QToolButton
+
+    def ink(button):
+        """Width in pixels of what is drawn on a button."""
+        image = button.grab().toImage().convertToFormat(QImage.Format.Format_Grayscale8)
+        rows, columns = range(image.height()), range(image.width())
+        ground = image.pixel(0, 0)
+        return sum(any(image.pixel(x, y) != ground for y in rows) for x in columns)
+
+    row = next(iter(panel.rows.values()))
+    for button in row.findChildren(QToolButton):
+        here = ink(button)
+        button.setFixedWidth(60)
+        assert here == ink(button), button.text()
+
+
 def test_zero_is_in_the_middle_of_a_slider_and_typed_numbers_are_weights(app, window, panel):
     from PySide6.QtCore import Qt
     from PySide6.QtTest import QTest

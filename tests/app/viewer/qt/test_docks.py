@@ -2,7 +2,9 @@
 
 import pytest
 
-from person import place
+from contrast import contrast
+from deformer_app.viewer.stage import Hover
+from person import place, rest
 from waiting import wait_for
 
 pytestmark = pytest.mark.window
@@ -32,6 +34,97 @@ def cut_off(window):
     }
 
 
+@pytest.fixture
+def crowded(app, window):
+    """Shows a window with all docks, handles, keys and a colour bar in a size and a theme."""
+    from PySide6.QtWidgets import QDockWidget
+
+    place(window, *range(0, 120, 8))
+    window.editor.timeline.keys.set()
+    window.editor.latencies.append(0.123)  # texts of the status bar are as long as they get
+    first = window.editor.edit.handles[0].id
+    window.editor.handles.names.rename(first, "the tip of the longest finger")
+    window.editor.state.hover(Hover(handle=first))
+    window.editor.picture.change_look(colour="displacement")
+    for dock in window.findChildren(QDockWidget):
+        dock.show()
+
+    def show(size, dark=False):
+        window.choose_theme(dark)
+        window.resize(*size)
+        rest(app, window)
+        assert window.size().toTuple() == size, "no dock or panel needs more"
+        return window
+
+    return show
+
+
+def cut_texts(window):
+    """Texts of visible buttons, boxes and labels that are wider than their widgets.
+
+    Signs such as ★ have buttons of a fixed size.
+    """
+    from PySide6.QtWidgets import QAbstractButton, QLabel
+
+    found = [*window.findChildren(QAbstractButton), *window.findChildren(QLabel)]
+    return [
+        widget.text()
+        for widget in found
+        if widget.isVisible() and len(widget.text()) > 1 and widget.window() is window
+        if widget.width() < widget.minimumSizeHint().width()
+    ]
+
+
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("size", [(800, 560), (1280, 800), (1920, 1080)])
+def test_no_text_is_cut_and_no_dock_lies_upon_another(app, crowded, size, dark):
+    from itertools import combinations
+
+    from PySide6.QtWidgets import QDockWidget
+
+    window = crowded(size, dark)
+    docks = window.findChildren(QDockWidget)
+    for title in ("Poses", "Timeline"):
+        window.findChild(QDockWidget, title).raise_()
+        rest(app, window)
+        seen = [dock for dock in docks if not dock.visibleRegion().isEmpty()]
+        assert len(seen) == 5
+        areas = [dock.geometry() for dock in seen] + [window.centralWidget().geometry()]
+        assert all(window.rect().contains(area) for area in areas)
+        assert not any(one.intersects(other) for one, other in combinations(areas, 2))
+        assert not cut_texts(window)
+
+
+def test_tools_that_do_not_fit_are_reached_by_a_button_at_the_end(app, window, hand):
+    from PySide6.QtWidgets import QToolBar, QToolButton
+
+    bar = window.findChild(QToolBar, "Tools")
+    more, tool = bar.findChild(QToolButton, "qt_toolbar_ext_button"), window.menus.items
+    rotate = bar.widgetForAction(tool["gizmo-rotate"])
+
+    def middle(widget):
+        return window.plotter.mapFromGlobal(widget.mapToGlobal(widget.rect().center())).toTuple()
+
+    for dark in (True, False):
+        window.choose_theme(dark)
+        window.resize(800, 560)
+        wait_for(lambda: more.isVisible() and not rotate.isVisible(), app.processEvents)
+        assert window.rect().contains(more.mapTo(window, more.rect().bottomRight()))
+        image = bar.grab(more.geometry().adjusted(5, 5, -5, -5)).toImage()
+        inside = [(x, y) for x in range(image.width()) for y in range(image.height())]
+        pixels = [image.pixelColor(x, y).getRgb()[:3] for x, y in inside]
+        assert max(contrast(one, pixels[0]) for one in pixels) > 4.5, "an icon is seen on it"
+        hand(middle(more), "click", "1")
+        wait_for(rotate.isVisible, app.processEvents)
+        window.act("gizmo-move")
+        hand(middle(rotate), "click", "1")
+        wait_for(lambda: window.editor.state.manipulator.mode == "rotate", app.processEvents)
+        hand((40, 60))  # away from the bar, which then folds
+        wait_for(lambda: not rotate.isVisible(), app.processEvents)
+    window.resize(1280, 700)
+    wait_for(lambda: not more.isVisible() and rotate.isVisible(), app.processEvents)
+
+
 @pytest.mark.parametrize("size", [(1280, 800), (1000, 640)])
 def test_docks_show_their_contents_in_full_width(app, window, size):
     from PySide6.QtCore import Qt
@@ -44,6 +137,21 @@ def test_docks_show_their_contents_in_full_width(app, window, size):
     window.resizeDocks(side, [20] * len(side), Qt.Orientation.Horizontal)
     app.processEvents()
     assert not cut_off(window)
+
+
+def test_a_text_without_room_ends_in_dots_and_its_tool_tip_has_all_of_it(app):
+    from deformer_app.viewer.qt.elided_label import ElidedLabel
+
+    label, text = ElidedLabel(), "Blend with a selected pose"
+    label.setText(text)
+    label.resize(label.sizeHint())
+    whole = label.grab().toImage()
+    assert label.toolTip() == ""
+    label.resize(label.minimumSizeHint())
+    label.grab()
+    assert label.width() < label.sizeHint().width() / 2 and label.toolTip() == text
+    label.resize(label.sizeHint())
+    assert label.grab().toImage() == whole and label.toolTip() == ""
 
 
 def test_a_dock_becomes_wider_with_its_contents(app):

@@ -440,9 +440,32 @@ def test_notices_lie_at_the_top_where_the_user_does_not_work(app, window):
 
 
 def notices_cube():
-    from deformer_app.viewer.view_cube import ASIDE, REACH
+    from deformer_app.viewer.view_cube import LEFT
 
-    return round(ASIDE) + REACH
+    return LEFT
+
+
+def test_notices_and_the_tour_are_readable_in_a_small_window(app, window):
+    """Lines of four words or more, and nothing cut; at 800 × 560 the picture is 250 wide."""
+    from PySide6.QtWidgets import QLabel, QPushButton
+
+    window.resize(800, 560)
+    rest(app, window)
+    told, letter = window.notices, window.fontMetrics().averageCharWidth()
+    told.show_mistake(
+        "handles.json: handle 3 has vertex 9999, expected 0 to 3399; take one of them"
+    )
+    window.tour.begin()
+    wait_for(lambda: window.tour.text.startswith("<b>1 of"), app.processEvents)
+    app.processEvents()
+    for strip in (told.mistake, window.tour):
+        label = strip.findChild(QLabel)
+        assert label.width() > 24 * letter
+        assert label.height() >= label.heightForWidth(label.width())
+        for button in strip.findChildren(QPushButton):
+            assert button.width() >= button.minimumSizeHint().width()
+    window.resize(1280, 720)
+    wait_for(lambda: window.tour.height() < 60, app.processEvents)  # one line
 
 
 def test_mistakes_are_seen_on_the_start_page(app, bare, tmp_path, model_path):

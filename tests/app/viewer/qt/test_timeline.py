@@ -235,7 +235,7 @@ def test_the_progress_shows_while_the_clip_is_fitted_and_can_be_stopped(
     panel.length.setValue(4000)
     wait_for(lambda: keyed.progress is not None, app.processEvents)
     assert not panel.progress.isHidden()
-    for done, text in ((0, "Fitting …"), (512, "Fitting 512 of 4000")):
+    for done, text in ((0, "Fitting …"), (512, "512 of 4000")):
         with monkeypatch.context() as patch:
             patch.setattr(type(keyed), "progress", property(lambda _, n=done: (n, 4000)))
             panel.refresh()
@@ -280,3 +280,77 @@ def test_old_mistakes_are_gone_once_the_clip_plays(app, window, keyed):
     keyed.play()
     assert window.notices.mistake.isHidden()
     keyed.stop()
+
+
+def test_controls_that_do_not_fit_are_reached_by_a_bar_below_them(app, window, panel, keyed, hand):
+    """The bar says that there are more; it is gone where all fit."""
+    from PySide6.QtCore import QPoint
+    from PySide6.QtWidgets import QScrollArea
+
+    area = next(a for a in panel.findChildren(QScrollArea) if a.isAncestorOf(panel.play))
+    bar = area.horizontalScrollBar()
+
+    def in_sight(widget):
+        return widget.visibleRegion().boundingRect().width() == widget.width()
+
+    window.resize(800, 560)
+    wait_for(bar.isVisible, app.processEvents)
+    assert in_sight(panel.play) and not in_sight(panel.onion)
+    assert area.viewport().height() >= panel.frame.height(), "the bar covers no control"
+    start, end = (
+        window.plotter.mapFromGlobal(bar.mapToGlobal(QPoint(x, bar.height() // 2))).toTuple()
+        for x in (10, bar.width() - 5)
+    )
+    hand(start, "mousedown", "1", end, "mouseup", "1")
+    wait_for(lambda: in_sight(panel.onion), app.processEvents)
+    window.resize(1280, 720)
+    panel.window().findChild(type(panel.parentWidget()), "Handles").close()
+    wait_for(lambda: not bar.isVisible() and in_sight(panel.play), app.processEvents)
+    assert in_sight(panel.onion)
+
+
+def test_no_row_is_cut_and_a_bar_shows_that_there_are_more(app, window, panel):
+    from PySide6.QtCore import Qt
+
+    from deformer_app.viewer.qt.timeline_rows import ROW
+
+    place(window, *range(0, 120, 8))
+    window.editor.handles.select_all()
+    window.editor.timeline.keys.set()
+    rest(app, window)
+    area = panel.rows.parentWidget().parentWidget()
+    seen = set()
+    for height in range(170, 262, 13):
+        window.resizeDocks([panel.parentWidget()], [height], Qt.Orientation.Vertical)
+        app.processEvents()
+        rows = area.viewport().height()
+        assert rows % ROW == 0 and area.height() - rows < ROW
+        assert area.verticalScrollBar().isVisible()
+        seen.add(rows)
+    assert len(seen) > 3
+    bar = area.verticalScrollBar()
+    bar.setSliderDown(True)
+    bar.setValue(ROW + 7)
+    bar.setSliderDown(False)
+    assert bar.value() == ROW
+
+
+def test_the_progress_of_a_fit_covers_nothing(app, window, panel, keyed, monkeypatch):
+    from PySide6.QtCore import QRect
+
+    def place_of(widget):
+        return QRect(widget.mapTo(panel, widget.rect().topLeft()), widget.size())
+
+    rest(app, window)
+    controls = (panel.play, panel.frame, panel.smoothness, panel.onion)
+    before = [place_of(widget) for widget in (*controls, panel.rows)]
+    monkeypatch.setattr(type(keyed), "progress", property(lambda _: (128, 4000)))
+    panel.refresh()
+    app.processEvents()
+    assert panel.progress.isVisible() and panel.cancel.isVisible()
+    assert [place_of(widget) for widget in (*controls, panel.rows)] == before
+    for shown in (panel.progress, panel.cancel):
+        assert not any(place_of(shown).intersects(place_of(widget)) for widget in controls)
+        assert place_of(shown).right() < panel.ruler.x() + panel.ruler.pixel(0) - 8
+    text = panel.progress.fontMetrics().horizontalAdvance(panel.progress.text())
+    assert text < panel.progress.width()
