@@ -51,7 +51,7 @@ class Menus:
         bar.setIconSize(QSize(18, 18))
         bar.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextBesideIcon)
         window.addToolBar(bar)
-        # Of Qt 6.11.3: a bar that has unfolded with an animation shows no more tools in a wider window.
+        # Qt 6.11.3: a bar that unfolds with an animation shows no more tools in a wider window.
         window.setAnimated(False)
         more = bar.findChild(QToolButton, "qt_toolbar_ext_button")  # shown when not all tools fit
         put_icon(more, "chevrons-right")
