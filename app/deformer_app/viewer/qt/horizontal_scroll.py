@@ -17,6 +17,7 @@ class HorizontalScroll(QScrollArea):
     def __init__(self, widget: QWidget) -> None:
         """Show the widget."""
         super().__init__()
+        self._shown = widget
         self.setWidgetResizable(True)
         self.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.setFrameShape(QFrame.Shape.NoFrame)
@@ -24,15 +25,15 @@ class HorizontalScroll(QScrollArea):
 
     def sizeHint(self) -> QSize:
         """Return the widget's, above the scroll bar if there is one."""
-        return self.widget().sizeHint() + QSize(0, self._bar_height())
+        return self._shown.sizeHint() + QSize(0, self._bar_height())
 
     def minimumSizeHint(self) -> QSize:
         """Return the smallest size; only its height depends on the widget."""
-        height = self.widget().minimumSizeHint().height() + self._bar_height()
+        height = self._shown.minimumSizeHint().height() + self._bar_height()
         return QSize(super().minimumSizeHint().width(), height)
 
     def _bar_height(self) -> int:
-        narrow = self.width() < self.widget().minimumSizeHint().width()
+        narrow = self.width() < self._shown.minimumSizeHint().width()
         return self.horizontalScrollBar().sizeHint().height() if narrow else 0
 
     def resizeEvent(self, event: QResizeEvent) -> None:

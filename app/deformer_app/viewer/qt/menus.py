@@ -54,6 +54,7 @@ class Menus:
         # Qt 6.11.3: a bar that unfolds with an animation shows no more tools in a wider window.
         window.setAnimated(False)
         more = bar.findChild(QToolButton, "qt_toolbar_ext_button")  # shown when not all tools fit
+        assert more is not None
         put_icon(more, "chevrons-right")
         more.setToolTip("More tools")
         for action in ACTIONS:
