@@ -53,10 +53,11 @@ class Menus:
         window.addToolBar(bar)
         # Qt 6.11.3: a bar that unfolds with an animation shows no more tools in a wider window.
         window.setAnimated(False)
-        more = bar.findChild(QToolButton, "qt_toolbar_ext_button")  # shown when not all tools fit
-        assert more is not None
-        put_icon(more, "chevrons-right")
-        more.setToolTip("More tools")
+        # Shown when not all tools fit; the name is Qt's own, and nothing promises it.
+        more = bar.findChild(QToolButton, "qt_toolbar_ext_button")
+        if more is not None:
+            put_icon(more, "chevrons-right")
+            more.setToolTip("More tools")
         for action in ACTIONS:
             item = QAction(action.title, window)
             item.setShortcuts([QKeySequence(key) for key in action.keys])
