@@ -78,6 +78,8 @@ SHAPE_SUFFIXES = (
 """Suffixes of the files of which a folder has one a shape, and of point caches."""
 # Bytes beyond which JSON, such as handles of a million frames, is not read once more for a message.
 _LARGEST_READ = 50_000_000
+# Files that a model's folder has, and a folder of shapes has not.
+_OF_MODELS = ("model.json", "weights.safetensors")
 _PICTURES = (".png", ".jpg", ".jpeg", ".gif", ".mp4", ".mov", ".avi", ".mkv", ".webm")
 
 
@@ -90,7 +92,7 @@ def kind_of(path: PathLike) -> FileKind | None:
     path = checked_path(path)
     try:
         if path.is_dir():
-            if (path / "model.json").is_file():
+            if any((path / name).is_file() for name in _OF_MODELS):
                 return "model"
             suffixes = {entry.suffix.lower() for entry in path.iterdir()}
             return "shapes" if suffixes.intersection(SHAPE_SUFFIXES) else None

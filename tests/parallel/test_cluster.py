@@ -203,10 +203,11 @@ def test_a_training_gives_the_same_when_a_worker_dies(cluster, small_tiles, tmp_
     assert found.config == expected.config and found.handle_noise == expected.handle_noise
     # Weights of the tried misfits are exponential in their errors, fifty times these.
     assert found.handle_misfits == pytest.approx(expected.handle_misfits, rel=5e-5)
+    # Single precision, whose sums have another order; rounds of the factorisation amplify it.
     scale = np.abs(expected.weights.C).max()
-    np.testing.assert_allclose(found.weights.C, expected.weights.C, atol=1e-6 * scale)
+    np.testing.assert_allclose(found.weights.C, expected.weights.C, atol=1e-5 * scale)
     np.testing.assert_allclose(
-        found.codes, expected.codes, atol=1e-6 * np.abs(expected.codes).max()
+        found.codes, expected.codes, atol=1e-5 * np.abs(expected.codes).max()
     )
 
 
