@@ -169,6 +169,7 @@ class CodeSearch:
     def __init__(self, energy: HandleEnergy, basis: HandleBasis, codes: FloatArray) -> None:
         """Choose the candidates; there is no solution yet."""
         self.energy = energy
+        self._limits = energy.limits
         self._basis, self._codes = basis, codes
         self._cache = _Cache()
         self.jumped = self.stayed = False
@@ -215,12 +216,16 @@ class CodeSearch:
 
         Args:
             energy: the new energy; its prior has the old mean.
-            mean: (K,) new mean of the prior, or None to keep the old one.
+            mean: (K,) new mean of the prior, or None to keep the old one. It may bend more than any
+                example: bends as far as its own cost nothing then, so that handles on its surface
+                move nothing.
         """
         before, cache = self.energy, self._cache
         self.energy = energy
         if mean is not None:
-            self.energy = replace(energy, prior=LatentPrior(mean, before.prior.covariance))
+            prior = LatentPrior(mean, before.prior.covariance)
+            limits = self._limits and self._limits.including(mean)
+            self.energy = replace(energy, prior=prior, limits=limits)
             self._candidates = self._choose_candidates()
         cache.invalidate()
         if cache.x is None:

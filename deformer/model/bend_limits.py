@@ -8,7 +8,7 @@ code, and a fit penalises bends outside the range of the examples.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -66,6 +66,12 @@ class BendLimits:
         """Excess (..., M) of the bends of codes z (..., K) over the range, in slacks; 0 inside."""
         bends = z @ self.directions.T
         return np.asarray((bends - np.clip(bends, self.low, self.high)) / self.slack)
+
+    def including(self, z: FloatArray) -> BendLimits:
+        """Limits that also have the bends of a code z (K,) within their range."""
+        bends = self.directions @ z
+        low, high = np.minimum(self.low, bends), np.maximum(self.high, bends)
+        return replace(self, low=low, high=high)
 
     @property
     def arrays(self) -> dict[str, FloatArray]:

@@ -698,6 +698,22 @@ def test_a_rest_shows_the_relaxed_surface_before_other_starts(model, diagonal, m
     assert largest(frame.vertices - poses[-1].vertices) > 1e-4 * diagonal
 
 
+@pytest.mark.parametrize("hard", [False, True])
+def test_handles_on_a_pose_that_bends_more_than_any_example_move_nothing(model, diagonal, hard):
+    z = model.latent_mean + 3.0 * (model.codes[3] - model.latent_mean)
+    assert model.bend_limits.excess(z).any()
+    solver = HandleSolver(model, noise=0.007)
+    solver.set_prior(mean=z)
+    shape = solver.solve().vertices
+    vertices = [3, 40, 80]
+    solver.set_handles(vertices, shape[vertices], hard=hard)
+    pose = solve_to_rest(solver)
+    assert pose.energy < 1e-9 and largest(pose.vertices - shape) < 1e-4 * diagonal
+    solver.set_prior(mean=model.latent_mean)  # bends that far have their price again
+    solver.set_handles(vertices, shape[vertices])
+    assert solver.solve().energy > 0.1
+
+
 def test_a_solver_with_nothing_to_do_comes_to_rest(model):
     """Without handles, and at handles that are where they would be anyway: an energy of zero."""
     solver = HandleSolver(model)
