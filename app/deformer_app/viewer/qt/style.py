@@ -7,6 +7,8 @@ from pathlib import Path
 from deformer_app.rendering.palette import NOTICE, Theme
 
 _ICONS = Path(__file__).with_name("icons").as_posix()
+# Qt (6.11) takes a combo box's padding-top for the margin of its list: the same with and without
+# the focus, or a list that was laid out without it is cut by the difference.
 _SHEET = """
 QToolTip {{ color: {ink}; background: {base}; border: 1px solid {line}; padding: 4px 6px; }}
 QMainWindow::separator {{ background: {line}; width: 1px; height: 1px; }}
@@ -60,10 +62,10 @@ QLineEdit:disabled {{ color: {disabled}; background: {window}; }}
 QAbstractSpinBox, QComboBox {{ border: 1px solid {line}; border-radius: 5px;
     padding: 2px 3px 2px 12px; min-height: 18px; background: {base};
     selection-background-color: {accent}; }}
-QComboBox {{ background: {button}; padding-left: 8px; }}
+QComboBox {{ background: {button}; min-height: 20px; padding: 1px 3px 1px 8px; }}
 QAbstractSpinBox:focus, QComboBox:focus {{ border: 2px solid {accent};
     padding: 1px 2px 1px 11px; }}
-QComboBox:focus {{ padding-left: 7px; }}
+QComboBox:focus {{ padding-left: 7px; min-height: 18px; }}
 QAbstractSpinBox:disabled, QComboBox:disabled {{ color: {disabled}; background: {window}; }}
 QAbstractSpinBox::up-button, QAbstractSpinBox::down-button {{ subcontrol-origin: border;
     width: 16px; border: none; background: transparent; }}

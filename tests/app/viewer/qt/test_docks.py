@@ -125,6 +125,24 @@ def test_tools_that_do_not_fit_are_reached_by_a_button_at_the_end(app, window, h
     wait_for(lambda: not more.isVisible() and rotate.isVisible(), app.processEvents)
 
 
+@pytest.mark.parametrize("dark", [False, True])
+def test_a_drop_down_list_shows_all_of_its_items(app, window, hand, dark):
+    from PySide6.QtWidgets import QComboBox
+
+    window.choose_theme(dark)
+    rest(app, window)
+    boxes = [box for box in window.findChildren(QComboBox) if not box.visibleRegion().isEmpty()]
+    assert len(boxes) > 2
+    for box in boxes * 2:  # a box has the keyboard's focus when it is opened again
+        at = window.plotter.mapFromGlobal(box.mapToGlobal(box.rect().center()))
+        hand(at.toTuple(), "click", "1")
+        wait_for(box.view().isVisible, app.processEvents)
+        last = box.model().index(box.count() - 1, 0)
+        assert box.view().viewport().rect().contains(box.view().visualRect(last).bottomLeft())
+        hand("key", "Escape")
+        wait_for(lambda box=box: not box.view().isVisible(), app.processEvents)
+
+
 @pytest.mark.parametrize("size", [(1280, 800), (1000, 640)])
 def test_docks_show_their_contents_in_full_width(app, window, size):
     from PySide6.QtCore import Qt
