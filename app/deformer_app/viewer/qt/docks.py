@@ -92,7 +92,9 @@ class Docks:
         """Add all of `DOCKS`."""
         self._docks: list[QDockWidget] = []
         self._timeline = of.editor.timeline
+        self._reference = of.editor.state.reference_picture
         self._had_keys = self._played = False
+        self._footage = self._reference.footage
         self._panels: list[QWidget] = []
         # The long list of components has the height of the window.
         window.setCorner(Qt.Corner.BottomRightCorner, _AREAS["right"])
@@ -127,19 +129,29 @@ class Docks:
         begins = (has_keys and not self._had_keys) or (playing and not self._played)
         self._had_keys, self._played = has_keys, playing
         if begins:
-            dock = self._docks[[entry.title for entry in DOCKS].index("Timeline")]
-            dock.show()
-            dock.raise_()
+            self._open("Timeline")
+
+    def _open_reference(self) -> None:
+        """Open the dock of the reference picture with every picture that the user loads."""
+        before, self._footage = self._footage, self._reference.footage
+        if self._footage not in (None, before):
+            self._open("Reference")
+
+    def _open(self, title: str) -> None:
+        dock = self._docks[[entry.title for entry in DOCKS].index(title)]
+        dock.show()
+        dock.raise_()
 
     def model_changed(self) -> None:
-        """Prepare all panels for another model, whose session may have keys."""
-        self._had_keys = False
+        """Prepare all panels for another model, whose session may have keys and a picture."""
+        self._had_keys, self._footage = False, self._reference.footage
         self._open_timeline()
         for panel in self._panels:
             cast(Panel, panel).model_changed()
 
     def refresh(self) -> None:
         """Show the editor's state in all panels."""
+        self._open_reference()
         for panel in self._panels:
             cast(Panel, panel).refresh()
 

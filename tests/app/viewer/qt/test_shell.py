@@ -308,6 +308,33 @@ def test_what_is_dropped_opens(app, bare, model_path, tmp_path):
     assert bare.training.isVisible() and bare.training.shapes.text() == str(shapes)
 
 
+@pytest.mark.parametrize("dropped", [True, False])
+def test_a_reference_picture_opens_its_dock(app, window, tmp_path, monkeypatch, dropped):
+    from PySide6.QtWidgets import QDockWidget
+
+    def load(name):
+        path = tmp_path / name
+        Image.new("RGB", (8, 6)).save(path)
+        if dropped:
+            drop(app, window, path)
+        else:
+            monkeypatch.setattr(window, "ask_open", lambda *_: path)
+            window.act("reference-picture")
+
+    dock = window.findChild(QDockWidget, "Reference")
+    assert not dock.isVisible()
+    load("front.png")
+    wait_for(dock.isVisible, app.processEvents)
+    dock.close()
+    window.editor.prior.reset()
+    window.editor.save_session(tmp_path / "work.json")
+    drop(app, window, tmp_path / "work.json")
+    rest(app, window)
+    assert not dock.isVisible(), "nothing was loaded by the user, and the dock was closed"
+    load("side.png")
+    wait_for(dock.isVisible, app.processEvents)
+
+
 def test_what_cannot_be_dropped_is_told(app, bare, tmp_path):
     files = tmp_path / "walk"
     deformer.save_shapes(files, sequence(3))
