@@ -19,6 +19,7 @@ from deformer import Activations
 from deformer_app.viewer.component_scale import ComponentScale
 from deformer_app.viewer.qt.component_row import ComponentRow
 from deformer_app.viewer.qt.component_slider import ComponentSlider
+from deformer_app.viewer.qt.elided_label import ElidedLabel
 from deformer_app.viewer.qt.surroundings import Surroundings
 from deformer_app.viewer.qt.vertical_scroll import VerticalScroll
 from deformer_app.viewer.region_names import region_names
@@ -58,6 +59,10 @@ class ComponentPanel(QWidget):
             self.order.addItem(title, key)
         self.order.setCurrentIndex(max(self.order.findData(of.settings.component_order), 0))
         self.order.activated.connect(self._reorder)
+        self._none = ElidedLabel()  # what is searched for may be long
+        self._none.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self._none.setContentsMargins(8, 8, 8, 8)
+        self._none.hide()
         self._area = VerticalScroll()
         self._area.verticalScrollBar().valueChanged.connect(self._refresh_seen)
         head = QHBoxLayout()
@@ -68,6 +73,7 @@ class ComponentPanel(QWidget):
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(4)
         column.addLayout(head)
+        column.addWidget(self._none)
         column.addWidget(self._area, 1)
         of.thumbnails.on_drawn.append(self._show_pictures)
         self._wait()
@@ -88,6 +94,7 @@ class ComponentPanel(QWidget):
         """Another model is open."""
         self._shown = None
         self.rows, self.sections = {}, []
+        self._filter()
         self._wait()
 
     def _wait(self) -> None:
@@ -178,8 +185,9 @@ class ComponentPanel(QWidget):
 
     def _filter(self) -> None:
         words = self.search.text().lower().split()
-        for section in self.sections:
-            section.show_matching(words)
+        found = [section.show_matching(words) for section in self.sections]
+        self._none.setText(f"No component matches “{self.search.text().strip()}”.")
+        self._none.setVisible(bool(found) and not any(found))
 
     def refresh(self) -> None:
         """Show the current code and names."""
@@ -244,8 +252,12 @@ class _Section(QWidget):
         self._header.setArrowType(arrow)
         self._body.setVisible(not folded)
 
-    def show_matching(self, words: list[str]) -> None:
-        """Show the rows whose name, number or region has all of some words (lower case)."""
+    def show_matching(self, words: list[str]) -> int:
+        """Show the rows whose name, number or region has all of some words (lower case).
+
+        Returns:
+            Number of these rows.
+        """
         shown = 0
         for row in self.rows:
             text = f"{row.name.text()} component {row.component} {self.title}".lower()
@@ -258,3 +270,4 @@ class _Section(QWidget):
             self._body.setVisible(shown > 0)
         else:
             self.fold(self.folded)
+        return shown

@@ -171,6 +171,28 @@ def test_a_name_is_shown_as_it_was_typed_and_sections_tell_their_numbers(app, wi
         assert section.header.text() == f"{section.title} ({len(section.rows)})"
 
 
+def test_a_search_that_finds_nothing_says_so(app, window, panel):
+    from PySide6.QtCore import Qt
+    from PySide6.QtTest import QTest
+    from PySide6.QtWidgets import QLabel
+
+    def told():
+        labels = panel.findChildren(QLabel)
+        return [label.text() for label in labels if "matches" in label.text() and label.isVisible()]
+
+    width = panel.width()
+    QTest.keyClicks(panel.search, "e")
+    assert shown(panel) and not told()
+    QTest.keyClicks(panel.search, "lephant's trunk <b>")
+    assert not shown(panel) and told() == ["No component matches “elephant's trunk <b>”."]
+    QTest.keyClicks(panel.search, "x" * 100)
+    rest(app, window)
+    assert panel.width() == width
+    QTest.keyClick(panel.search, Qt.Key.Key_A, Qt.KeyboardModifier.ControlModifier)
+    QTest.keyClick(panel.search, Qt.Key.Key_Delete)
+    assert shown(panel) and not told()
+
+
 def test_sections_fold_and_the_order_is_by_strength_if_asked_for(app, window, panel):
     order = window.editor.activations.order.tolist()
     regions = [region.components for region in window.editor.regions]
