@@ -12,6 +12,7 @@ from PySide6.QtWidgets import (
     QLabel,
     QMenu,
     QPushButton,
+    QSizePolicy,
     QSplitter,
     QVBoxLayout,
     QWidget,
@@ -94,8 +95,12 @@ class PoseStrip(QWidget):
                 self._blend_label.setAlignment(
                     Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
                 )
-                head.addWidget(self._blend_label)
-                head.addWidget(self.blend, 2)
+                # A share of the width, whatever its text: the slider stays where it is.
+                self._blend_label.setSizePolicy(
+                    QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred
+                )
+                head.addWidget(self._blend_label, 1)
+                head.addWidget(self.blend, 1)
             column = QVBoxLayout(part)
             column.setContentsMargins(4, 2, 4, 4)
             column.setSpacing(3)

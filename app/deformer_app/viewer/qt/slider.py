@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from PySide6.QtCore import QSignalBlocker, Qt
+from PySide6.QtCore import QEvent, QSignalBlocker, Qt
+from PySide6.QtGui import QMouseEvent
 from PySide6.QtWidgets import QSlider
 
 STEPS = 1000
@@ -17,25 +18,53 @@ class Slider(QSlider):
 
     Args:
         moved: called with the position, 0 to `STEPS`, while the user moves it.
-        ended: called when the user lets go of it, and after each step of keys or wheel.
+        ended: called when the user lets go of its handle or, where that has moved it, of its
+            groove, and after each step of keys or wheel.
     """
 
     def __init__(self, moved: Callable[[int], Any], ended: Callable[[], Any]) -> None:
         """Start at the lower end."""
         super().__init__(Qt.Orientation.Horizontal)
         self._moved, self._ended = moved, ended
+        self._on_groove = self._paged = False
         self.setRange(0, STEPS)
         self.valueChanged.connect(self._change)
         self.sliderReleased.connect(ended)
 
     def _change(self, position: int) -> None:
         self._moved(position)
-        if not self.isSliderDown():  # the wheel, the keys: one step each
+        if self._on_groove:  # Qt goes on by a page, again and again, until the mouse is released
+            self._paged = True
+        elif not self.isSliderDown():  # the wheel, the keys: one step each
+            self._ended()
+
+    def mousePressEvent(self, ev: QMouseEvent) -> None:
+        """Take hold of the handle, or go by pages towards the mouse."""
+        before, self._on_groove = self._on_groove, True  # the press already goes by a page
+        super().mousePressEvent(ev)
+        self._on_groove = not self.isSliderDown() if ev.isAccepted() else before
+        self._paged = self._paged and self._on_groove
+
+    def mouseReleaseEvent(self, ev: QMouseEvent) -> None:
+        """Let go."""
+        super().mouseReleaseEvent(ev)
+        if not ev.buttons():
+            self._leave_groove()
+
+    def changeEvent(self, e: QEvent) -> None:
+        """Let go where it is disabled: no release of the mouse follows."""
+        super().changeEvent(e)
+        if e.type() == QEvent.Type.EnabledChange:
+            self._leave_groove()
+
+    def _leave_groove(self) -> None:
+        paged, self._on_groove, self._paged = self._paged, False, False
+        if paged:
             self._ended()
 
     def show_position(self, position: float) -> None:
         """Show a position without calling anything, unless the user holds the slider."""
-        if not self.isSliderDown():
+        if not (self.isSliderDown() or self._on_groove):
             with QSignalBlocker(self):
                 self.setValue(round(position))
 

@@ -203,6 +203,47 @@ def test_of_many_examples_a_few_are_shown_first(app, window, strip, tmp_path):
     assert strip.examples.count() == 26
 
 
+def test_the_mouse_held_on_the_groove_blends_in_one_step(app, window, strip, hand):
+    click(strip.examples, names(strip.examples).index("Shape 4"))
+    rest(app, window)
+    steps = len(window.editor.session.entries)
+    inside = strip.blend.rect().center()
+    inside.setX(strip.blend.width() - 4)
+    at = window.plotter.mapFromGlobal(strip.blend.mapToGlobal(inside)).toTuple()
+    hand(at, "mousedown", "1")
+    wait_for(lambda: strip.blend.value() >= 3 * strip.blend.pageStep(), app.processEvents)
+    hand("mouseup", "1")
+    rest(app, window)
+    assert [entry.label for entry in window.editor.session.entries[steps:]] == [
+        "Blend with Shape 4"
+    ]
+    assert strip.blend.value() >= 3 * strip.blend.pageStep()
+    hand("click", "3", "key", "Left")  # the right button takes hold of nothing
+    wait_for(lambda: len(window.editor.session.entries) == steps + 2, app.processEvents)
+    window.act("undo")
+    window.act("undo")
+    rest(app, window)
+    assert strip.blend.value() == 0 and window.editor.session.entry.label == "Start"
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (800, 560)])
+def test_the_slider_of_a_blend_stays_where_it_is(app, window, strip, size):
+    from PySide6.QtCore import QPoint
+
+    def place():
+        rest(app, window)
+        app.processEvents()  # the layout follows
+        return strip.blend.mapTo(window, QPoint()), strip.blend.size()
+
+    window.resize(*size)
+    before = place()
+    save_pose(window.editor, "the arms far above the head, as before a leap")
+    for shown, row in ((strip.examples, 0), (strip.examples, 3), (strip.saved, 0)):
+        rest(app, window)
+        click(shown, row)
+        assert place() == before
+
+
 def test_saved_poses_are_found_again_in_the_session(app, window, strip, tmp_path):
     save_pose(window.editor, "reach")
     rest(app, window)
