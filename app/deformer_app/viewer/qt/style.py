@@ -31,9 +31,11 @@ QToolButton {{ border: 1px solid transparent; border-radius: 5px; padding: 4px 7
     background: transparent; }}
 QToolButton:hover {{ background: {raised}; }}
 QToolButton:pressed {{ background: {line}; }}
-QToolButton:checked {{ background: {raised}; border-color: {accent}; }}
+QToolButton:checked {{ background: {raised}; border-bottom: 2px solid {accent};
+    padding-bottom: 3px; }}
 QToolButton:focus {{ border: 2px solid {accent}; padding: 3px 6px; }}
 QToolButton[narrow="true"] {{ padding: 4px 3px; }}
+QToolButton[narrow="true"]:checked {{ padding-bottom: 3px; }}
 QToolButton[narrow="true"]:focus {{ padding: 3px 2px; }}
 QToolButton#qt_toolbar_ext_button {{ padding: 0; }}
 QToolButton:disabled {{ color: {disabled}; }}

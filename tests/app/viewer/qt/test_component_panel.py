@@ -171,6 +171,35 @@ def test_a_name_is_shown_as_it_was_typed_and_sections_tell_their_numbers(app, wi
         assert section.header.text() == f"{section.title} ({len(section.rows)})"
 
 
+@pytest.mark.parametrize("dark", [False, True])
+def test_only_the_focus_draws_a_ring(app, window, panel, hand, dark):
+    from PySide6.QtCore import Qt
+    from PySide6.QtGui import QColor
+
+    def edges(button):
+        """Sides of a button in whose middle there is the colour of the focus."""
+        image, (x, y) = button.grab().toImage(), button.rect().center().toTuple()
+        right, bottom = image.width() - 1, image.height() - 1
+        sides = {"left": (0, y), "top": (x, 0), "right": (right, y), "bottom": (x, bottom)}
+        accent = QColor(window.editor.state.view.theme.accent)
+        return {side for side, at in sides.items() if image.pixelColor(*at) == accent}
+
+    window.choose_theme(dark)
+    rest(app, window)
+    star = panel.rows[int(window.editor.activations.order[0])].pin
+    at = window.plotter.mapFromGlobal(star.mapToGlobal(star.rect().center())).toTuple()
+    hand(at, "click", "1")
+    wait_for(star.isChecked, app.processEvents)
+    tool = window.menus.items["gizmo-move"]
+    bar = next(w for w in tool.associatedObjects() if w.objectName() == "Tools")
+    button = bar.widgetForAction(tool)
+    assert button.isChecked()
+    assert [edges(one) for one in (star, button)] == [{"bottom"}, {"bottom"}]
+    button.setFocus(Qt.FocusReason.TabFocusReason)
+    wait_for(button.hasFocus, app.processEvents)
+    assert edges(button) == {"left", "top", "right", "bottom"} and edges(star) == {"bottom"}
+
+
 def test_a_search_that_finds_nothing_says_so(app, window, panel):
     from PySide6.QtCore import Qt
     from PySide6.QtTest import QTest
