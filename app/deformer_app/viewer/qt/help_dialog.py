@@ -22,8 +22,8 @@ class HelpDialog(QDialog):
         self.setWindowTitle("Keys and mouse")
         page = QWidget()
         columns = QHBoxLayout(page)
-        columns.setContentsMargins(18, 14, 18, 14)
-        columns.setSpacing(22)
+        columns.setContentsMargins(14, 14, 14, 14)
+        columns.setSpacing(16)
         tables = {
             name: f"<tr><th colspan=2 align=left>{name}</th></tr>" + _rows(rows, _WIDE.get(name))
             for name, rows in help_groups().items()

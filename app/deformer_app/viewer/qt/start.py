@@ -177,6 +177,13 @@ def run_editor(model: str | None, saved: Session | None, path: Path | None) -> S
         return _run_editor(app, ctrl_c, model, saved, path)
 
 
+def program_font() -> QFont:
+    """Return the system's font, in a size that can be read."""
+    font = QFont()
+    font.setPointSizeF(max(font.pointSizeF(), 9.5))
+    return font
+
+
 def _run_editor(
     app: QApplication,
     ctrl_c: _CtrlC,
@@ -187,9 +194,7 @@ def _run_editor(
     app.setApplicationName("Deformer")
     app.setStyle(ProjectStyle())
     app.setWindowIcon(window_icon())
-    font = QFont()
-    font.setPointSizeF(max(font.pointSizeF(), 9.5))
-    app.setFont(font)
+    app.setFont(program_font())
     settings = Settings()
     apply_theme(preferred_theme(settings))
     opening_window = _OpeningWindow()

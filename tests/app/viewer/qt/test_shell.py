@@ -132,8 +132,19 @@ def test_a_session_whose_model_has_moved_asks_where_it_is(
     assert len(asked) == 1
 
 
-def test_the_help_names_every_key_and_fits_the_screen(app, bare):
-    from PySide6.QtWidgets import QLabel
+@pytest.fixture
+def own_font(app):
+    """The font that the program has, instead of Qt's own."""
+    from deformer_app.viewer.qt.start import program_font
+
+    before = app.font()
+    app.setFont(program_font())
+    yield
+    app.setFont(before)
+
+
+def test_the_help_names_every_key_and_fits_the_screen(app, own_font, bare):
+    from PySide6.QtWidgets import QLabel, QScrollArea
 
     bare.help()
     dialog = next(w for w in app.topLevelWidgets() if w.windowTitle() == "Keys and mouse")
@@ -142,6 +153,9 @@ def test_the_help_names_every_key_and_fits_the_screen(app, bare):
     assert [name for name, key in keys.items() if f"<b>{key}</b>" not in text] == []
     assert dialog.width() <= dialog.screen().availableSize().width()
     assert dialog.height() <= dialog.screen().availableSize().height()
+    app.processEvents()
+    area = dialog.findChild(QScrollArea)
+    assert area.widget().width() <= area.viewport().width(), "nothing is cut off sideways"
 
 
 @pytest.mark.parametrize("key", ["Escape", "F1"])
