@@ -10,6 +10,7 @@ from PySide6.QtGui import QPixmap
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from deformer import InputError, Mesh, load_document
+from deformer_app.mistakes import mistake
 from deformer_app.rendering.camera import aim
 from deformer_app.rendering.palette import Theme
 from deformer_app.viewer.qt.pixmaps import pixmap_of
@@ -19,6 +20,7 @@ from deformer_app.viewer.worker import Jobs, in_background
 
 _SIDE = 132  # pixels of the picture
 _POLL = 30  # milliseconds between two looks whether a shape is loaded
+_BEFORE = "A picture shows how the shapes will stand."
 _ABOUT = "The first shape. If it does not stand, choose another axis."
 
 
@@ -38,6 +40,7 @@ class UpAxisField(QWidget):
         super().__init__()
         self._theme = theme
         self._source: Path | None = None
+        self._without = _BEFORE  # text without a picture
         self._mesh: Mesh | None = None
         self._drawing: ShapeDrawing | None = None
         self._jobs = Jobs()
@@ -45,8 +48,9 @@ class UpAxisField(QWidget):
         self.axis.addItem("as the shapes stand", None)
         for name in ("y", "z", "x", "-x", "-y", "-z"):
             self.axis.addItem(name, name)
-        self._about = QLabel("A picture shows how the shapes will stand.")
+        self._about = QLabel(_BEFORE)
         self._about.setWordWrap(True)
+        self._about.setTextFormat(Qt.TextFormat.PlainText)
         self.picture.setFixedSize(_SIDE, _SIDE)
         self.picture.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self.picture.setFrameShape(QLabel.Shape.StyledPanel)
@@ -76,7 +80,7 @@ class UpAxisField(QWidget):
         """Load the first shape of a path in the background, and choose its most likely axis."""
         if source == self._source:
             return
-        self._source, self._mesh = source, None
+        self._source, self._mesh, self._without = source, None, _BEFORE
         self.axis.setCurrentIndex(0)
         self._draw()
         self._jobs.add(self._load(source))
@@ -100,8 +104,13 @@ class UpAxisField(QWidget):
 
         try:
             mesh, up = yield from in_background(load)
-        except (InputError, OSError):
-            return  # the training tells of files that cannot be read
+        except (InputError, OSError) as error:
+            if source == self._source:
+                reason = mistake(error).removeprefix(f"{source}: ")  # the path is in its field
+                self._without = reason[:1].upper() + reason[1:]
+                self._source = None  # to be looked at again: it may be mended
+                self._draw()
+            return
         if source != self._source:
             return
         self._mesh = mesh
@@ -114,6 +123,7 @@ class UpAxisField(QWidget):
         mesh, up = self._mesh, self.chosen
         if mesh is None or up is None:
             self.picture.setPixmap(QPixmap())
+            self._about.setText(self._without)
             return
         density = self.devicePixelRatioF()
         if self._drawing is None:

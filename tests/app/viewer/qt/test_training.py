@@ -150,6 +150,38 @@ def test_a_training_that_starts_before_the_shape_is_shown_guesses_alike(app, win
     assert window.editor.model.summary["up"] == "z"
 
 
+def test_shapes_that_cannot_be_read_are_told_when_their_field_is_left(
+    app, window, hand, lying, tmp_path
+):
+    from PySide6.QtTest import QTest
+    from PySide6.QtWidgets import QLabel
+
+    dialog = window.train()
+    (tmp_path / "empty").mkdir()
+    wait_for(lambda: dialog.windowHandle().isExposed(), app.processEvents)
+    hand("windowfocus", "--sync", str(int(dialog.winId())))
+
+    def told(path):
+        """Texts beside the picture once a path has been typed."""
+        dialog.shapes.setFocus()
+        wait_for(dialog.shapes.hasFocus, app.processEvents)
+        dialog.shapes.selectAll()
+        QTest.keyClicks(dialog.shapes, str(path))
+        press(dialog.shapes, "Tab")
+        wait_for(lambda: not dialog.up.looking, app.processEvents)
+        return " ".join(label.text() for label in dialog.up.findChildren(QLabel))
+
+    assert "The first shape" in told(lying)
+    for name, reason in (("empty", "No mesh files"), ("missing", "Does not exist")):
+        text = told(tmp_path / name)
+        assert reason in text and "The first shape" not in text
+        assert dialog.up.picture.pixmap().isNull()
+    lying.rename(tmp_path / "empty" / "lying.npz")
+    assert "The first shape" in told(tmp_path / "empty" / "lying.npz")
+    (tmp_path / "empty" / "lying.npz").rename(tmp_path / "missing")
+    assert "Does not exist" not in told(tmp_path / "missing"), "it is looked at again"
+
+
 def press(widget, name):
     from PySide6.QtCore import Qt
     from PySide6.QtTest import QTest
