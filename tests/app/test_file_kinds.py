@@ -69,7 +69,7 @@ KINDS = {
 }
 READERS = {
     "session": Session.load,
-    "poses": lambda path: load_library(path, small_model()),
+    "poses": lambda path: load_library(path, small_model(), ModelName.of("tube", small_model())),
     "model": deformer.load_model,
     "split": lambda path: io.load_split(path, SHAPES),
     "code": lambda path: start_code(small_model(), str(path)),

@@ -551,7 +551,7 @@ def _fit_session(
     session = Session.load(path)
     refuse_inputs(output, session.model.path)
     loaded = deformer.load_model(model or session.model.path)
-    session.check_fits(loaded, path)
+    session.check_fits(loaded, model or session.model.path, path)
     pose = posing.replay(session, loaded)
     outputs.save(output, loaded, pose.vertices, bare)
     result = fitting.describe(pose)

@@ -36,7 +36,7 @@ from deformer_app.viewer.floor_plane import FloorPlane
 from deformer_app.viewer.handle_commands import HandleCommands
 from deformer_app.viewer.mirror_commands import MirrorCommands
 from deformer_app.viewer.mirror_marks import MirrorMarks
-from deformer_app.viewer.model_files import of_open_model, start_codes, stored_name
+from deformer_app.viewer.model_files import of_open_model, start_codes
 from deformer_app.viewer.mouse_stage import MouseStage
 from deformer_app.viewer.picture_commands import PictureCommands
 from deformer_app.viewer.pins import Pins
@@ -138,10 +138,10 @@ class Editor:
         """
         model = deformer.load_model(path) if loaded is None else loaded
         if session is not None:
-            session.check_fits(model, path)
+            session.check_fits(model, path, "session")
         if self._display is not None:
             self._display.close(0.0)
-        name = ModelName(stored_name(path), model.fingerprint)
+        name = ModelName.of(path, model)
         if session is not None and session.component_names:
             try:
                 model = model.with_component_names(session.component_names)
@@ -183,10 +183,13 @@ class Editor:
         """Open a saved session and the model that it belongs to.
 
         Raises:
-            InputError: the session is damaged, or its model is not where it was.
+            InputError: the session is damaged, or its model is not where it was, or has changed.
         """
         session = Session.load(path)
-        self.open_model(model or session.model.path, session)
+        name = model or session.model.path
+        loaded = deformer.load_model(name)
+        session.check_fits(loaded, name, path)
+        self.open_model(name, session, loaded)
         self.note_units()
 
     def save_session(self, path: str | Path) -> None:

@@ -45,7 +45,7 @@ def first_model(model: str | None, session: Path | None) -> tuple[str | None, Se
         return None, None
     loaded = deformer.load_model(name)
     if saved is not None and session is not None:
-        saved.check_fits(loaded, session)
+        saved.check_fits(loaded, name, session)
     return name, saved
 
 
@@ -57,8 +57,3 @@ def start_codes(model: DeformationModel) -> dict[str, NDArray[np.float64]]:
     if first is None:
         first = model.encode(model.reference.vertices)
     return {"Reference": first, "Mean": model.latent_mean, **codes}
-
-
-def stored_name(path: str | Path) -> str:
-    """Return a model's name in sessions: a shipped model's name, or an absolute path."""
-    return str(path) if str(path) in deformer.shipped_models() else str(Path(path).resolve())

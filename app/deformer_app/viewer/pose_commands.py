@@ -88,7 +88,7 @@ def paste(editor: Editor, text: str) -> None:
     Raises:
         InputError: it holds none of this model.
     """
-    pose = parse_library(text, editor.model)[0]
+    pose = parse_library(text, editor.model, editor.session.model)[0]
     editor.prior.start_at("Paste pose", pose.code)
 
 
@@ -98,7 +98,8 @@ def paste_mirrored(editor: Editor, text: str) -> None:
     Raises:
         InputError: it holds none of this model.
     """
-    pose, plane, model = parse_library(text, editor.model)[0], editor.mirror.plane, editor.model
+    plane, model = editor.mirror.plane, editor.model
+    pose = parse_library(text, model, editor.session.model)[0]
 
     def paste() -> Iterator[None]:
         code = yield from in_background(lambda: plane.mirrored_code(np.array(pose.code)))
@@ -120,6 +121,6 @@ def import_poses(editor: Editor, path: str | Path) -> None:
     Raises:
         InputError: no library, a damaged one, or one of another model.
     """
-    found = load_library(path, editor.model)
+    found = load_library(path, editor.model, editor.session.model)
     change_poses(editor, lambda shelf: [shelf.add(pose) for pose in found])
     editor.note(f"Added {len(found)} poses of {Path(path).name}")

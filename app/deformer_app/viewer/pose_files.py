@@ -32,25 +32,26 @@ def library_text(poses: Sequence[SavedPose], model: ModelName) -> str:
     return json.dumps(_library(poses, model))
 
 
-def load_library(path: str | Path, model: DeformationModel) -> list[SavedPose]:
+def load_library(path: str | Path, model: DeformationModel, name: ModelName) -> list[SavedPose]:
     """Read the poses of a library.
 
     Args:
         path: what `save_library` has written.
         model: the model that the poses must be of.
+        name: its name.
 
     Raises:
         InputError: no library, a damaged one, or one of another model.
     """
     with io.expecting(path, "poses"):
-        return _read(io.read_value(path), model)
+        return _read(io.read_value(path), model, name)
 
 
-def parse_library(text: str, model: DeformationModel) -> list[SavedPose]:
+def parse_library(text: str, model: DeformationModel, name: ModelName) -> list[SavedPose]:
     """Read the poses in the text of the clipboard; see `load_library`."""
     if "deformer_poses" not in text:
         raise InputError("clipboard: it holds no pose; copy one first (Ctrl+C)")
-    return _read(io.parse_value(text, "clipboard"), model)
+    return _read(io.parse_value(text, "clipboard"), model, name)
 
 
 def _library(poses: Sequence[SavedPose], model: ModelName) -> dict[str, Any]:
@@ -61,17 +62,13 @@ def _library(poses: Sequence[SavedPose], model: ModelName) -> dict[str, Any]:
     }
 
 
-def _read(data: io.JsonValue, model: DeformationModel) -> list[SavedPose]:
+def _read(data: io.JsonValue, model: DeformationModel, name: ModelName) -> list[SavedPose]:
     data.check_keys(("deformer_poses", "model", "poses"))
     if data["deformer_poses"].integer() != FORMAT:
         raise data["deformer_poses"].error(
             f"{FORMAT}", "the library is of another release: write it again there"
         )
-    if data["model"]["fingerprint"].text() != model.fingerprint:
-        raise InputError(
-            f"{data}: poses of another model than this one (it was "
-            f"{data['model']['path'].text()}); open that one"
-        )
+    ModelName.read(data["model"]).check_same(name, f"{data}: poses made")
     poses = read_poses(data["poses"])
     if not poses:
         raise data["poses"].error("at least one pose")

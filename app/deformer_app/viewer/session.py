@@ -61,6 +61,38 @@ class ModelName:
     path: str
     fingerprint: str
 
+    @classmethod
+    def of(cls, path: str | Path, model: deformer.DeformationModel) -> ModelName:
+        """Return the name of a model that has been read from a folder or by its name."""
+        shipped = str(path) in deformer.shipped_models()
+        return cls(str(path) if shipped else str(Path(path).resolve()), model.fingerprint)
+
+    @classmethod
+    def read(cls, value: io.JsonValue) -> ModelName:
+        """Read the name of a model in a file."""
+        return cls(value["path"].text(), value["fingerprint"].text())
+
+    def check_same(self, opened: ModelName, what: str) -> None:
+        """Check that the model that has been opened is this one.
+
+        Args:
+            opened: the name of the model that has been opened.
+            what: what belongs to this model, with its file, for the message.
+
+        Raises:
+            InputError: it is another one, or has changed at its place.
+        """
+        if opened.fingerprint == self.fingerprint:
+            return
+        if opened.path == self.path:
+            raise InputError(
+                f"{what} with the model that was at {self.path}, which has been trained anew or "
+                "changed since; restore that one, or begin anew with the present one"
+            )
+        raise InputError(
+            f"{what} with another model than this one (it was {self.path}); open that one"
+        )
+
 
 @dataclass
 class Session:
@@ -333,7 +365,7 @@ class Session:
         entries = [_entry(item, handles, bases, clips) for item in data["entries"].items()]
         if not entries:
             raise data["entries"].error("a list of at least one entry")
-        model = ModelName(data["model"]["path"].text(), data["model"]["fingerprint"].text())
+        model = ModelName.read(data["model"])
         cursor = data["cursor"].integer(0, len(entries) - 1)
         view = {key: value.value for key, value in data["view"].entries()}
         most = entries[cursor].clip.length - 1
@@ -344,13 +376,20 @@ class Session:
         saved_as = data["saved_as"].text() if "saved_as" in data else ""
         return cls(model, entries, cursor, view, frame, shelf, names, saved_as)
 
-    def check_fits(self, model: deformer.DeformationModel, where: str | Path) -> None:
-        """Raise InputError unless the session belongs to this model."""
-        if model.fingerprint != self.model.fingerprint:
-            raise InputError(
-                f"{where}: made with another model than this one (it was {self.model.path}); "
-                "open that one"
-            )
+    def check_fits(
+        self, model: deformer.DeformationModel, path: str | Path, where: str | Path
+    ) -> None:
+        """Check that the session belongs to a model.
+
+        Args:
+            model: the model.
+            path: that it has been read from, or the name of a shipped one.
+            where: the session's file, for the message.
+
+        Raises:
+            InputError: it belongs to another one, or the model has changed since.
+        """
+        self.model.check_same(ModelName.of(path, model), f"{where}: made")
         check_poses_fit(self.shelf.poses, model, where)
         K, V = model.components, len(model.reference.vertices)
         for n, entry in enumerate(self.entries):

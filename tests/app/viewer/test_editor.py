@@ -251,9 +251,9 @@ def test_opening_a_session_brings_everything_back(editor, tmp_path):
 def test_a_session_of_another_model_is_refused(editor, tmp_path):
     editor.save_session(tmp_path / "a.json")
     session = Session.load(tmp_path / "a.json")
-    session.model = replace(session.model, fingerprint="0" * 64)
-    with pytest.raises(InputError, match="another model"):
-        editor.open_model(session.model.path, session)
+    session.model = replace(session.model, path="elsewhere", fingerprint="0" * 64)
+    with pytest.raises(InputError, match=r"another model .* \(it was elsewhere\); open that one"):
+        editor.open_model(editor.session.model.path, session)
     assert editor.is_open and replay(editor.session, editor.model).vertices.shape == (120, 3)
 
 

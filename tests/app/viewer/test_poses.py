@@ -200,9 +200,28 @@ def test_a_library_goes_to_another_session_of_the_model_and_to_no_other_model(ed
     replace(model, codes=1.01 * model.codes).save(tmp_path / "other")
     editor.open_model(tmp_path / "other")
     finish(editor)
-    with pytest.raises(InputError, match="poses of another model than this one") as told:
+    with pytest.raises(InputError, match="poses made with another model than this one") as told:
         import_poses(editor, file)
     assert str(file) in str(told.value) and not editor.session.shelf.poses
+
+
+def test_sessions_and_poses_of_a_model_that_was_trained_anew_are_told_so(
+    editor, tmp_path, model_path
+):
+    save_pose(editor, "reach")
+    poses, session = tmp_path / "poses.json", tmp_path / "work.json"
+    export_poses(editor, poses)
+    editor.save_session(session)
+    model = editor.model
+    replace(model, codes=1.01 * model.codes).save(model_path)
+    with pytest.raises(InputError, match="trained anew or changed since") as told:
+        editor.open_session(session)
+    assert str(session) in str(told.value) and "open that one" not in str(told.value)
+    editor.open_model(model_path)
+    finish(editor)
+    with pytest.raises(InputError, match="trained anew or changed since") as told:
+        import_poses(editor, poses)
+    assert str(poses) in str(told.value) and "open that one" not in str(told.value)
 
 
 def test_a_copied_pose_is_pasted_as_text_and_can_be_undone(editor):

@@ -115,7 +115,7 @@ class SessionFiles:
         with self._host.busy_mark.shown(f"Opening {(file or Path(model)).name} …"):
             loaded = deformer.load_model(model)
             if session is not None and file is not None:
-                session.check_fits(loaded, file)
+                session.check_fits(loaded, model, file)
         if not self.may_leave():
             return
         if file is not None and self._is_own(file):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,14 @@ _BAR = 1000  # steps of the bar over all stages
 _STOPPING = 10.0  # seconds that closing the window waits for the training to stop
 _COMPILING = "compiling for this processor, once: a minute or two"
 _POLL = 100  # milliseconds between two polls of the progress
+
+
+def _free(folder: Path) -> Path:
+    """Return a folder that does not exist: `folder`, or else with the first free number from 2."""
+    if not folder.exists():
+        return folder
+    numbered = (folder.with_name(f"{folder.name}-{n}") for n in itertools.count(2))
+    return next(other for other in numbered if not other.exists())
 
 
 class TrainingDialog(QDialog):
@@ -150,7 +159,7 @@ class TrainingDialog(QDialog):
         return "" if progress is None else progress.stage
 
     def choose(self, shapes: Path) -> None:
-        """Fill in the shapes, and a name for the model beside them."""
+        """Fill in the shapes, and a free name for the model beside them."""
         self.shapes.setText(str(shapes))
         self._look_at_shapes()
 
@@ -162,7 +171,7 @@ class TrainingDialog(QDialog):
         if shapes and self.output.text() in ("", self._suggested):
             path = Path(shapes)
             name = path.name if path.is_dir() else path.stem
-            self._suggested = str(path.with_name(f"{name}-model"))
+            self._suggested = str(_free(path.with_name(f"{name}-model")))
             self.output.setText(self._suggested)
 
     def _choose_shapes(self) -> None:
@@ -185,6 +194,8 @@ class TrainingDialog(QDialog):
             self._say("Choose the shapes, and a folder for the model.")
             return
         output = Path(self.output.text())
+        if io.kind_of(output) == "model" and not self._wants_to_replace(output):
+            return
         resume = deformer.has_checkpoint(checkpoint_of(output)) and self._wants_to_resume(output)
         if resume is None:
             return
@@ -199,6 +210,14 @@ class TrainingDialog(QDialog):
         )
         self._show_running(True)
         self._timer.start(_POLL)
+
+    def _wants_to_replace(self, output: Path) -> bool:
+        """Ask whether the training may replace the model that is in its folder."""
+        text = (
+            f"{output} holds a model; sessions made with it will not open with the new one. "
+            "Replace it?"
+        )
+        return ask(self, text, "Replace", "Cancel", default=-1) == "Replace"
 
     def _wants_to_resume(self, output: Path) -> bool | None:
         """Ask whether to go on with a training that was stopped; None if the user cancels."""

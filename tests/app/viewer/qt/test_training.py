@@ -96,6 +96,60 @@ def test_a_failure_in_the_background_is_told_in_the_window(app, window, tmp_path
     assert window.notices.mistake.isVisible() and "nothing.npz" in window.notices.mistake.text
 
 
+def weights(model):
+    return (model / "weights.safetensors").read_bytes()
+
+
+def test_the_suggested_folder_is_free(app, window, train, tmp_path):
+    first = train(hide=True)
+    before = weights(first)
+    dialog = window.train()
+    dialog.choose(tmp_path / "shapes.npz")
+    assert dialog.output.text() == str(tmp_path / "shapes-model-2")
+    dialog.epochs.setValue(2)
+    click(dialog.start_button)
+    wait_for(lambda: not dialog.training, app.processEvents)
+    assert dialog.ended and weights(first) == before
+    assert (tmp_path / "shapes-model-2" / "model.json").is_file()
+    wait_for(lambda: not window.editor.preparing, app.processEvents)
+    dialog = window.train()
+    dialog.choose(tmp_path / "shapes.npz")
+    assert dialog.output.text() == str(tmp_path / "shapes-model-3")
+
+
+def test_a_model_is_replaced_only_if_the_user_says_so_and_its_sessions_tell_of_it(
+    app, window, tmp_path, model_path, answers
+):
+    from PySide6.QtTest import QTest
+
+    place(window, 100)
+    rest(app, window)
+    session, before = tmp_path / "work.json", weights(model_path)
+    window.editor.save_session(session)
+    deformer.save_shapes(tmp_path / "shapes.npz", sequence(3))
+    dialog = window.train()
+    dialog.choose(tmp_path / "shapes.npz")
+    dialog.epochs.setValue(2)
+    dialog.output.setFocus()
+    dialog.output.selectAll()
+    QTest.keyClicks(dialog.output, str(model_path))
+    answers.append("Cancel")
+    press(dialog.output, "Return")
+    assert not dialog.training and dialog.isVisible() and weights(model_path) == before
+    (question,) = answers.asked
+    assert question.text().startswith(f"{model_path} holds a model;")
+    assert question.defaultButton().text() == "Cancel", "Enter replaces nothing"
+    answers.append("Replace")
+    click(dialog.start_button)
+    assert dialog.training and len(answers.asked) == 2
+    wait_for(lambda: not dialog.training, app.processEvents)
+    wait_for(lambda: not window.editor.preparing, app.processEvents)
+    assert weights(model_path) != before
+    window.open_session(session)
+    told = window.notices.mistake.text
+    assert str(session) in told and "trained anew or changed" in told and "open that" not in told
+
+
 @pytest.fixture
 def lying(tmp_path):
     """A file of tubes along z, which lie in the window if y is up."""
@@ -187,3 +241,10 @@ def press(widget, name):
     from PySide6.QtTest import QTest
 
     QTest.keyClick(widget, getattr(Qt.Key, f"Key_{name}"))
+
+
+def click(button):
+    from PySide6.QtCore import Qt
+    from PySide6.QtTest import QTest
+
+    QTest.mouseClick(button, Qt.MouseButton.LeftButton)
