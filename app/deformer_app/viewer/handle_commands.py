@@ -61,12 +61,13 @@ class HandleCommands:
     # New handles.
 
     def place(self, vertex: int, add: bool = False) -> int:
-        """Place a handle at a vertex's position, or select the one there; return its id."""
+        """Place a handle at a vertex's position, or select what is there; return its id."""
         editor = self._editor
-        for handle in editor.edit.handles:
-            if handle.vertices == (vertex,) or (handle.radius and vertex in handle.patch):
-                self.select([handle.id], add=add)
-                return handle.id
+        there = [handle for handle in editor.edit.handles if handle.vertices == (vertex,)]
+        found = next(iter(there), None) or editor.pins.holding(vertex)
+        if found is not None:
+            self.select([found.id], add=add)
+            return found.id
         at = point(editor.vertices[vertex])
         handle = self.on_surface(Handle(editor.session.next_id(), (vertex,), (at,)))
         editor.before_drag = None
@@ -106,8 +107,12 @@ class HandleCommands:
     def move_selected(self, motion: Motion) -> None:
         """Move the selected handles relative to the start of this drag; pins stay."""
         editor = self._editor
-        start = editor.begin_drag()
+        begins, start = editor.before_drag is None, editor.begin_drag()
         moved = editor.state.movable(start.handles)
+        if not moved:
+            if begins and self.selected:
+                editor.pins.tell()
+            return
         if motion.turns:
             if len(moved) == 1:
                 oriented = self._oriented(moved[0], start)

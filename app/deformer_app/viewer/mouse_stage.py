@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from deformer import DeformationModel
 from deformer_app.rendering.camera import Camera
+from deformer_app.viewer.edit import Handle
 from deformer_app.viewer.events import Pixel
 from deformer_app.viewer.gizmo import Gizmo, Motion
 from deformer_app.viewer.region_brush import RegionBrush
@@ -86,20 +87,23 @@ class MouseStage:
             return "Click to look from this side, drag to turn"
         if found.part is not None:
             return "Drag along this part, or type a number meanwhile; Shift for a finer step"
-        name = None if found.handle is None else self._name_of(found.handle)
-        if name is not None:
-            pinned = self._editor.pins.at(None, found.handle)
-            size = "; Shift and wheel: its size" if pinned else ""
-            return f"{name}: drag the handle; S soft, E exact, P pin, Del removes it" + size
+        handle = self._handle_under(found)
+        if handle is not None:
+            name = self._editor.handles.names.of(handle)
+            if handle.kind != "pin":
+                return f"{name}: drag the handle; S soft, E exact, P pin, Del removes it"
+            size = "; Shift and wheel: its size" if handle.radius else ""
+            return f"{name} is pinned: click it, and S frees it for drags, Del removes it" + size
         if found.vertex is not None:
             return f"Vertex {found.vertex}: click to place a handle, drag to pull it, P to pin it"
         return "Drag the body to bend it, beside it to look around.  F1: all keys"
 
-    def _name_of(self, number: int) -> str | None:
-        """The name of a handle; None of one that the last step has removed."""
+    def _handle_under(self, found: Hover) -> Handle | None:
+        """The handle or pin that a press is on; None of one that the last step has removed."""
         editor = self._editor
-        found = [h for h in editor.edit.handles if h.id == number]
-        return editor.handles.names.of(found[0]) if found else None
+        if found.vertex is not None:
+            return editor.pins.holding(found.vertex)
+        return next((h for h in editor.edit.handles if h.id == found.handle), None)
 
     def cube_at(self, pixel: Pixel) -> Side | None:
         """Return the part of the orientation cube at a pixel."""

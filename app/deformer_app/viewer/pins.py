@@ -91,8 +91,17 @@ class Pins:
         if not self.resize(steps):
             self._editor.note("Select a pin first: P pins the surface under the mouse")
 
+    def tell(self) -> None:
+        """Tell the user why a pin does not move, and how to free it."""
+        self._editor.note("Pinned: it stays, whatever is dragged. S makes it a handle to drag")
+
+    def holding(self, vertex: int) -> Handle | None:
+        """Return the pin whose patch has a vertex, a painted region's, too; None without one."""
+        found = [h for h in self._editor.edit.handles if h.kind == "pin" and vertex in h.patch]
+        return next(iter(found), None)
+
     def at(self, vertex: int | None, handle: int | None) -> list[Handle]:
-        """Return the pin of a handle's id, or those whose patch has a vertex."""
+        """Return the pin with a size of a handle's id, or those whose disc has a vertex."""
         return [
             h
             for h in self._editor.edit.handles

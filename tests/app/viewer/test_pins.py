@@ -72,6 +72,62 @@ def test_a_click_on_a_pinned_patch_selects_the_pin_and_drags_leave_it(editor, pi
     assert editor.edit.handles == (pin,) and editor.handles.selected == {pin.id}
 
 
+@pytest.mark.parametrize("where", ["middle", "patch"])
+def test_a_pin_says_that_it_is_pinned_and_how_to_free_it(editor, pin, heard, where):
+    at = pixel_of(editor, pin)
+    if where == "patch":
+        pixels = np.floor(editor.state.camera.project(editor.vertices[list(pin.patch)], SIZE)) + 0.5
+        at = next(
+            pixel
+            for pixel in pixels
+            if editor.stage.handle_at(tuple(pixel)) is None
+            and editor.stage.vertex_at(tuple(pixel)) in pin.patch
+        )
+    editor.handles.select([])
+    event(editor, "MouseMove", at)
+    assert (editor.state.hovered.handle is None) == (where == "patch")
+    assert "is pinned" in editor.stage.hint and "S frees it" in editor.stage.hint
+    assert "drag the handle" not in editor.stage.hint and "to pull it" not in editor.stage.hint
+    camera = editor.state.camera
+    for pulls in (1, 2):
+        drag(editor, at, at + np.array([30, 20]))
+        told = texts(heard, NoticeGiven)
+        assert len(told) == pulls and "Pinned" in told[-1] and "S makes it" in told[-1]
+    assert editor.edit.handles == (pin,) and editor.state.camera == camera
+    press(editor, "S")
+    event(editor, "MouseMove", pixel_of(editor, pin))
+    assert "drag the handle" in editor.stage.hint
+    before = len(texts(heard, NoticeGiven))
+    drag(editor, pixel_of(editor, pin), pixel_of(editor, pin) + np.array([30, 20]))
+    assert editor.session.entry.label == "Drag" and len(texts(heard, NoticeGiven)) == before
+
+
+def test_a_pull_at_a_pinned_region_tells_of_the_pin(editor, heard):
+    vertex, _ = seen(editor, 0.5)
+    editor.handles.add_region(np.argsort(editor.model.distances(vertex))[:20].tolist())
+    event(editor, "MouseMove", (3, 3))
+    press(editor, "P")
+    (region,) = editor.edit.handles
+    assert region.kind == "pin" and not region.radius
+    pixels = np.floor(editor.state.camera.project(editor.vertices[list(region.patch)], SIZE)) + 0.5
+    at = next(p for p in pixels if editor.stage.handle_at(tuple(p)) is None)
+    event(editor, "MouseMove", at)
+    assert "is pinned" in editor.stage.hint and "wheel" not in editor.stage.hint
+    drag(editor, at, at + np.array([30, 20]))
+    assert editor.edit.handles == (region,) and "Pinned" in texts(heard, NoticeGiven)[-1]
+
+
+@pytest.mark.parametrize("key", ["1", "2", "3"])
+def test_a_pin_has_no_manipulator_and_its_keys_say_why(editor, pin, heard, key):
+    press(editor, key)
+    assert editor.stage.gizmo is None and "Pinned" in texts(heard, NoticeGiven)[-1]
+    press(editor, "S")
+    before = len(texts(heard, NoticeGiven))
+    press(editor, key)
+    assert editor.stage.gizmo is not None
+    assert not any("Pinned" in text for text in texts(heard, NoticeGiven)[before:])
+
+
 @pytest.mark.parametrize("how", ["wheel", "key"])
 def test_the_size_of_a_pin_changes_and_is_one_step_of_the_history(editor, pin, how):
     at = pixel_of(editor, pin)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from deformer_app.viewer.actions.action import Action, Shell
+from deformer_app.viewer.gizmo import Mode
 from deformer_app.viewer.mirror_plane import AXES
 from deformer_app.viewer.rigs import place_rig
 
@@ -29,12 +30,21 @@ def _paint(shell: Shell) -> None:
     stage.set_tool("drag" if stage.tool == "paint" else "paint")
 
 
-def _scale(shell: Shell) -> None:
-    editor = shell.editor
-    editor.state.set_gizmo("scale")
-    moved = editor.state.movable(editor.edit.handles)
-    if moved and not editor.state.manipulator.can_scale(moved):
-        editor.note("Nothing of a single point can be scaled: select several handles or a region")
+def _choose_manipulator(mode: Mode) -> Callable[[Shell], Any]:
+    """Choose what the manipulator does, and tell why it does not so with what is selected."""
+
+    def run(shell: Shell) -> None:
+        editor = shell.editor
+        editor.state.set_gizmo(mode)
+        moved = editor.state.movable(editor.edit.handles)
+        if editor.handles.selected and not moved:
+            editor.pins.tell()
+        elif moved and mode == "scale" and not editor.state.manipulator.can_scale(moved):
+            editor.note(
+                "Nothing of a single point can be scaled: select several handles or a region"
+            )
+
+    return run
 
 
 HANDLES: Sequence[Action] = (
@@ -79,14 +89,14 @@ HANDLES: Sequence[Action] = (
     Action("symmetric-rig", "Handles", "Place a symmetric rig…", _place_rig(True), "",
            "The same in left and right pairs", dialog=True),
     Action("gizmo-move", "Handles", "Manipulator: move",
-           lambda s: s.editor.state.set_gizmo("move"), "1", "Along axes and in planes", rule=True,
+           _choose_manipulator("move"), "1", "Along axes and in planes", rule=True,
            checked=lambda e: e.state.manipulator.mode == "move", tool="Move"),
     Action("gizmo-rotate", "Handles", "Manipulator: rotate",
-           lambda s: s.editor.state.set_gizmo("rotate"), "2",
+           _choose_manipulator("rotate"), "2",
            "A handle in its place; several, or a region, about their centre",
            checked=lambda e: e.state.manipulator.mode == "rotate", tool="Rotate"),
     Action("gizmo-scale", "Handles", "Manipulator: scale",
-           _scale, "3",
+           _choose_manipulator("scale"), "3",
            "Several handles or a region, about their centre; of a single point nothing can grow",
            checked=lambda e: e.state.manipulator.mode == "scale", tool="Scale"),
     Action("axes-world", "Handles", "Manipulator axes: world",

@@ -148,8 +148,11 @@ class HandlePanel(QWidget):
             self._fill_table(handles, diagonal)
             self._mark_selected(handles)
         chosen = editor.state.selection(handles)
-        for widget in (*self.coordinates, *self._kinds.buttons(), self._weight):
+        for widget in (*self._kinds.buttons(), self._weight):
             widget.setEnabled(bool(chosen))
+        for box in self.coordinates:
+            box.setEnabled(bool(editor.state.movable(handles)))
+            box.setToolTip("" if box.isEnabled() or not chosen else "Pinned: S makes it movable")
         pins = [handle for handle in chosen if handle.radius]
         self._strength.setCurrentIndex(1 if pins else 0)
         self._strength_name.setText("Pin size" if pins else "Weight")

@@ -107,6 +107,22 @@ def test_without_a_selected_handle_there_are_no_coordinates(app, window):
     assert [box.value() for box in boxes] == pytest.approx(centre, abs=1e-4)
 
 
+def test_a_pin_has_coordinates_that_cannot_be_typed(app, window):
+    from deformer_app.viewer.qt.handle_panel import HandlePanel
+
+    boxes = window.docks.panel(HandlePanel).coordinates
+    place(window, 100)
+    rest(app, window)
+    assert all(box.isEnabled() for box in boxes)
+    window.editor.handles.set_kind("pin")
+    rest(app, window)
+    assert not any(box.isEnabled() for box in boxes)
+    assert all(box.text().strip() and "S makes it movable" in box.toolTip() for box in boxes)
+    window.editor.handles.set_kind("soft")
+    rest(app, window)
+    assert all(box.isEnabled() and not box.toolTip() for box in boxes)
+
+
 def test_docks_show_what_is_selected_and_numbers_move_it(app, window):
     from deformer_app.viewer.qt.handle_panel import HandlePanel
 
