@@ -170,13 +170,14 @@ class HandleCommands:
     # Kinds and weights.
 
     def set_kind(self, kind: Kind) -> None:
-        """Make the selected handles soft, exact or pins."""
+        """Make the selected handles soft, exact or pins; those that are so already stay."""
         editor, handles = self._editor, self._chosen()
         if handles:
+            others = [h for h in handles if h.kind != kind or (kind == "pin" and not h.is_region)]
             changed = (
-                editor.pins.pinned(handles)
+                editor.pins.pinned(others)
                 if kind == "pin"
-                else handle_changes.with_kind(handles, kind, editor.vertices)
+                else handle_changes.with_kind(others, kind, editor.vertices)
             )
             editor.change(
                 f"Make {kind}",

@@ -78,7 +78,11 @@ class Pins:
         if not pins:
             return False
         self.radius = min(max(pins[0].radius * _STEP**steps, _SMALLEST), _LARGEST)
-        changed = [self._with_disc(h, self.radius) for h in pins]
+        others = [handle for handle in pins if handle.radius != self.radius]
+        if not others:
+            editor.note(f"The pin is as {'large' if steps > 0 else 'small'} as pins can be")
+            return True
+        changed = [self._with_disc(h, self.radius) for h in others]
         ids = [handle.id for handle in pins]
         if self._resized == (ids, editor.edit) and editor.session.can_undo:
             editor.session.undo()

@@ -117,6 +117,40 @@ def test_a_pull_at_a_pinned_region_tells_of_the_pin(editor, heard):
     assert editor.edit.handles == (region,) and "Pinned" in texts(heard, NoticeGiven)[-1]
 
 
+@pytest.mark.parametrize("at_pin", [True, False])
+def test_a_key_makes_no_step_for_a_pin_that_is_one(editor, pin, at_pin):
+    _, end = seen(editor, 0.95)
+    drag(editor, end, end + np.array([-60, 70]))  # the pin is held to some digits only
+    editor.handles.select([pin.id])
+    event(editor, "MouseMove", pixel_of(editor, pin) if at_pin else (3, 3))
+    entry, before = editor.session.entry, editor.vertices.copy()
+    for _ in range(2):
+        press(editor, "P")
+    assert editor.session.entry.label == entry.label and editor.session.cursor == 2
+    assert editor.edit == entry.edit
+    np.testing.assert_allclose(editor.vertices, before, rtol=0, atol=1e-12)
+    editor.handles.select_all()
+    event(editor, "MouseMove", (3, 3))
+    press(editor, "P")
+    assert {handle.kind for handle in editor.edit.handles} == {"pin"}
+    assert editor.edit.handle(pin.id) == pin, "it stays while another one is pinned"
+
+
+@pytest.mark.parametrize(("key", "word"), [("+", "large"), ("-", "small")])
+def test_no_step_makes_a_pin_larger_than_pins_can_be_or_smaller(editor, pin, heard, key, word):
+    event(editor, "MouseMove", pixel_of(editor, pin))
+    for _ in range(40):
+        press(editor, key)
+    assert editor.edit.handle(pin.id).radius == editor.pins.radius != pin.radius
+    _, end = seen(editor, 0.95)
+    drag(editor, end, end + np.array([-60, 70]))  # the pin is held to some digits only
+    editor.handles.select([pin.id])
+    steps = len(editor.session.entries)
+    press(editor, key)
+    assert len(editor.session.entries) == steps, "it has no other size"
+    assert any(f"as {word} as pins can be" in text for text in texts(heard, NoticeGiven))
+
+
 @pytest.mark.parametrize("key", ["1", "2", "3"])
 def test_a_pin_has_no_manipulator_and_its_keys_say_why(editor, pin, heard, key):
     press(editor, key)
