@@ -55,6 +55,7 @@ class Controller:
         self._stage = stage
         self._running: list[_Running] = []  # at most two; the mouse moves the last one
         self._at: Pixel = (0.0, 0.0)
+        self._inside = False  # true while the mouse is over the picture
 
     @property
     def dragging(self) -> bool:
@@ -63,6 +64,7 @@ class Controller:
 
     def handle(self, event: MouseEvent) -> None:
         """Carry out the command of an event."""
+        self._inside = not isinstance(event, MouseLeft)
         match event:
             case MouseMoved(pixel, keys, buttons):
                 if buttons is not None:
@@ -89,6 +91,11 @@ class Controller:
                 self._zoom(notches, pixel)
             case MouseLeft() if not self._running:
                 self._stage.hover(Hover())
+
+    def look_again(self) -> None:
+        """Find what is under the mouse once more: the picture has changed, the mouse is still."""
+        if self._inside and not self._running:
+            self._stage.hover(self._under(self._at))
 
     def cancel(self) -> bool:
         """Cancel the current drag; return False if there is none."""

@@ -23,6 +23,7 @@ from deformer_app.viewer.changes import (
     ComponentsNamed,
     HandlesChanged,
     HistoryChanged,
+    LookChanged,
     MistakeMade,
     ModelClosed,
     ModelOpened,
@@ -356,6 +357,8 @@ class Editor:
     def announce(self, *changes: Change) -> None:
         """Tell the listeners of `on_change` what has changed."""
         for change in changes:
+            if isinstance(change, HandlesChanged | LookChanged):
+                self.controller.look_again()
             for listener in tuple(self.on_change):
                 listener(change)
 

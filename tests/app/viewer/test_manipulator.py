@@ -4,6 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import deformer
+from deformer_app.viewer.stage import Hover
 from off_screen_editor import SIZE, click, drag, event, finish, part_pixel, press_key, seen
 
 
@@ -148,3 +149,27 @@ def test_what_is_typed_without_a_drag_is_left_to_others(editor):
     event(editor, "MouseMove", at)
     press_key(editor, "5")
     assert editor.edit == before and not editor.controller.takes_numbers
+
+
+def test_what_is_under_a_still_mouse_follows_what_becomes_of_the_handle(editor):
+    _, handle = with_handle(editor)
+    at = np.floor(editor.state.camera.project([handle.centre], SIZE)[0]) + 0.5
+    event(editor, "MouseMove", at)
+    assert editor.state.hovered.handle == handle.id
+    editor.handles.delete()
+    finish(editor)
+    assert editor.state.hovered.vertex is not None and editor.state.hovered.handle is None
+    editor.pins.pin_here()
+    finish(editor)
+    (pin,) = editor.edit.handles
+    assert pin.kind == "pin", "P pins the surface that is under the mouse now"
+
+
+def test_a_mouse_that_has_left_the_picture_is_over_nothing(editor):
+    _, handle = with_handle(editor)
+    event(editor, "MouseMove", part_pixel(editor, "y"))
+    event(editor, "Leave", (0, 0))
+    editor.handles.select([])
+    editor.handles.select([handle.id])
+    finish(editor)
+    assert editor.state.hovered == Hover()

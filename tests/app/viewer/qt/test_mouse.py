@@ -61,6 +61,30 @@ def test_a_release_in_another_window_ends_the_drag(app, window, hand):
     assert editor.edit.handles[0].centre == target
 
 
+def test_the_status_bar_says_what_is_under_a_mouse_that_is_still(app, window, hand):
+    rest(app, window)
+    editor, at = window.editor, middle(window)
+    hand(at, "click", "1")
+    wait_for(lambda: editor.edit.handles, app.processEvents)
+    rest(app, window)
+    gizmo, camera, size = editor.stage.gizmo, editor.state.camera, editor.stage.size
+    tip = np.floor(camera.project(gizmo.outline("y", camera, size), size)[-1]).astype(int)
+    hand(tip)
+    wait_for(lambda: "Drag along this part" in window._hint.text(), app.processEvents)
+    hand("key", "Delete")
+    wait_for(lambda: not editor.edit.handles, app.processEvents)
+    rest(app, window)
+    assert "Drag along this part" not in window._hint.text()
+    hand("key", "ctrl+z")
+    wait_for(lambda: editor.edit.handles, app.processEvents)
+    rest(app, window)
+    assert "Drag along this part" in window._hint.text(), "the manipulator is there again"
+    hand("key", "2")
+    wait_for(lambda: editor.state.manipulator.mode == "rotate", app.processEvents)
+    rest(app, window)
+    assert editor.state.hovered.part != "y", "a part of the manipulator that moves"
+
+
 def test_a_person_types_a_distance_and_the_keys_do_nothing_else(app, window, hand):
     rest(app, window)
     editor, at = window.editor, middle(window)
