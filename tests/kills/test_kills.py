@@ -29,12 +29,15 @@ pytestmark = [
     pytest.mark.skipif(os.name == "nt", reason="POSIX signals"),
 ]
 
+# Ctrl-C waits for the imports: numpy's makes an ImportError of it.
 SAVER = """
-import signal; signal.signal(signal.SIGINT, signal.default_int_handler)
+import signal; signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+signal.signal(signal.SIGINT, signal.default_int_handler)
 import deformer, sys
 from dataclasses import replace
 model = deformer.load_model("m")
 try:
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     for n in range(40):
         replace(model, codes=(n + 1.0) * model.codes).save("m")
 except KeyboardInterrupt:
