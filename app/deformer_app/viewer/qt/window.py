@@ -362,7 +362,8 @@ class Window(QMainWindow):
             self.tour.begin()
 
     def _awake(self) -> None:
-        if not self._timer.isActive():  # restarting it with every answer would delay it
+        # Restarting it with every answer would delay it; an answer may come after the last tick.
+        if not self._timer.isActive() and not self._may_close:
             self._timer.start()
 
     def _tick(self) -> None:

@@ -419,3 +419,11 @@ def test_shift_and_the_wheel_over_a_pin_change_its_size_without_a_move(app, wind
         (after,) = editor.edit.handles
         assert after.radius > before.radius  # and the wheel alone zooms
     assert editor.session.entry.label == "Resize pin"
+
+
+def test_an_answer_that_comes_as_the_window_closes_is_not_drawn(app, window):
+    """The solver's thread sends it: Qt may deliver it after the picture has been freed."""
+    window.close_unsaved()
+    window._wake.called.emit()
+    app.processEvents()
+    assert not window._timer.isActive()
