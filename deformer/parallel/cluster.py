@@ -175,8 +175,9 @@ class Cluster:
             return client
         try:
             return distributed.Client(self._address, timeout=_PATIENCE)
-        except (OSError, ValueError, TimeoutError) as error:
-            reason = " ".join(str(error).split())
+        # Of an address that cannot be one, Dask's own assertions fail now and then, without a word.
+        except (OSError, ValueError, TimeoutError, AssertionError) as error:
+            reason = " ".join(str(error).split()) or "no address of one"
             raise InputError(
                 f"cluster: no scheduler answers at {shortened(self._address)} ({reason}); start "
                 "one with `dask scheduler` and give the address that it prints, or local:2"

@@ -244,6 +244,16 @@ def test_an_address_that_is_none_is_one_line(address, message, monkeypatch):
     assert message in str(caught.value) and "\n" not in str(caught.value)
 
 
+def test_an_assertion_of_dask_about_an_address_is_one_line(monkeypatch):
+    def fail(*_, **__):
+        raise AssertionError
+
+    monkeypatch.setattr("distributed.Client", fail)
+    with pytest.raises(InputError) as caught, executor_of(cluster="a\0b"):
+        pass
+    assert "no scheduler answers at 'a\\x00b' (no address of one)" in str(caught.value)
+
+
 def test_other_versions_are_named(cluster, monkeypatch, caplog):
     """Faked in this process alone: workers answer with their own."""
     true, changed = metadata.version, {"numpy": "0.1"}
