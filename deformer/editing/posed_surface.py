@@ -111,16 +111,12 @@ class PosedSurface:
 
     def _forget_rest(self) -> None:
         self._relaxing: _Relaxing | None = None
-        self._rest: tuple[FloatArray, FloatArray] | None = None
+        self._rest: FloatArray | None = None  # (V, 3) at rest
 
     @property
     def rests(self) -> bool:
         """True once `settled` no longer changes, until the next frame."""
         return self._rest is not None
-
-    def at_rest(self, state: State) -> bool:
-        """True once `settled` of this state no longer changes."""
-        return self._rest is not None and self._rest[0] is state.x
 
     def frame(self, state: State) -> FloatArray:
         """Positions (V, 3) of a state, with the rotations that the last frame's relaxation left.
@@ -160,7 +156,7 @@ class PosedSurface:
         self._surface.reset()
         self._search.decode(state)
         *_, vertices = self._relaxation(self._surface, state)
-        self._rest = state.x, vertices
+        self._rest = vertices
         return vertices.copy()
 
     def settled(self, state: State) -> FloatArray:
@@ -172,16 +168,16 @@ class PosedSurface:
             state: its unknowns x are those of the last call, and its targets as well.
         """
         if self._rest is None and not self._relaxes:
-            self._rest = state.x, self._next_frame(state)
+            self._rest = self._next_frame(state)
         if self._rest is not None:
-            return self._rest[1].copy()
+            return self._rest.copy()
         if self._relaxing is None:
             self._relaxing = self._begun(state)
         relaxing = self._relaxing
         if not relaxing.advance():
             return self._next_frame(state)
         self._forget_rest()
-        self._rest = state.x, relaxing.vertices
+        self._rest = relaxing.vertices
         self._last = self._surface
         self._surface.take_rotations(relaxing.surface)
         return relaxing.vertices.copy()

@@ -402,8 +402,7 @@ class HandleSolver:
 
         The pose is then that of `relax`.
         """
-        search = self._search
-        rests = search.at_rest and self._surface.at_rest(search.current())
+        rests = self._search.at_rest and self._surface.rests
         return rests and self._contacts.chosen(self._free) == self._contacts.vertices
 
     def solve_to_convergence(self, solves: int = 8) -> Pose:

@@ -11,7 +11,7 @@ from command import DEFORMER
 from deformer import InputError, io
 from deformer.io import file_kinds, loading, point_caches
 from deformer_app.cli.synthesis import start_code
-from deformer_app.rendering.footage import open_footage
+from deformer_app.rendering.footage import PICTURES, VIDEOS, open_footage
 from deformer_app.viewer.pose_files import load_library, save_library
 from deformer_app.viewer.poses import SavedPose
 from deformer_app.viewer.session import ModelName, Session
@@ -160,6 +160,7 @@ def test_suffixes_of_pictures_are_those_that_are_read(tmp_path):
 
 def test_every_suffix_of_shapes_has_a_reader():
     assert {*loading._READERS, *point_caches.CACHE_SUFFIXES} == {*io.SHAPE_SUFFIXES}
+    assert {*PICTURES, *VIDEOS} == {*file_kinds._PICTURES}
 
 
 def test_a_file_too_large_to_be_read_twice_is_of_no_kind(tmp_path, monkeypatch):

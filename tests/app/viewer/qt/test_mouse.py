@@ -61,14 +61,20 @@ def test_a_release_in_another_window_ends_the_drag(app, window, hand):
     assert editor.edit.handles[0].centre == target
 
 
-def test_the_status_bar_says_what_is_under_a_mouse_that_is_still(app, window, hand):
+def placed_arrow(app, window, hand):
+    """Place a handle; the pixel of the tip of its manipulator's y axis."""
     rest(app, window)
-    editor, at = window.editor, middle(window)
-    hand(at, "click", "1")
+    editor = window.editor
+    hand(middle(window), "click", "1")
     wait_for(lambda: editor.edit.handles, app.processEvents)
     rest(app, window)
     gizmo, camera, size = editor.stage.gizmo, editor.state.camera, editor.stage.size
     tip = np.floor(camera.project(gizmo.outline("y", camera, size), size)[-1]).astype(int)
+    return tip
+
+
+def test_the_status_bar_says_what_is_under_a_mouse_that_is_still(app, window, hand):
+    editor, tip = window.editor, placed_arrow(app, window, hand)
     hand(tip)
     wait_for(lambda: "Drag along this part" in window._hint.text(), app.processEvents)
     hand("key", "Delete")
@@ -86,13 +92,7 @@ def test_the_status_bar_says_what_is_under_a_mouse_that_is_still(app, window, ha
 
 
 def test_a_person_types_a_distance_and_the_keys_do_nothing_else(app, window, hand):
-    rest(app, window)
-    editor, at = window.editor, middle(window)
-    hand(at, "click", "1")
-    wait_for(lambda: editor.edit.handles, app.processEvents)
-    rest(app, window)
-    gizmo, camera, size = editor.stage.gizmo, editor.state.camera, editor.stage.size
-    tip = np.floor(camera.project(gizmo.outline("y", camera, size), size)[-1]).astype(int)
+    editor, tip = window.editor, placed_arrow(app, window, hand)
     before = editor.edit.handles[0].centre
     hand(tip, "mousedown", "1", np.add(tip, (0, -12)), np.add(tip, (0, -20)))
     wait_for(lambda: editor.controller.takes_numbers, app.processEvents)
