@@ -27,7 +27,7 @@ def files(tmp_path_factory):
     name = ModelName("tube", model.fingerprint)
     code = tuple(model.codes[0].tolist())
     Session.begin(name, code).save(folder / "session.json")
-    save_library(folder / "poses.json", [SavedPose("up", code, ())], name)
+    save_library(folder / "poses.json", [SavedPose.of_code("up", code)], name)
     model.save(folder / "model")
     deformer.save_shapes(folder / "shapes.npz", sequence(3))
     deformer.save_shapes(folder / "shapes", sequence(3))

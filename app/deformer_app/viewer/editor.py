@@ -268,6 +268,12 @@ class Editor:
         return np.array(self.edit.base) if self.answer is None else self.answer.pose.z
 
     @property
+    def shown_solution(self) -> Solution | None:
+        """The solution of the present state, also before it is at rest; None without one."""
+        known = self.session.entry.solution
+        return known if known is not None or self.answer is None else self.answer.solution
+
+    @property
     def activations(self) -> Activations | None:
         """Strengths and limits of the components, once they have been measured."""
         return None if self._display is None else self._display.activations

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deformer import DeformationModel, Mesh, Symmetry, local_rotations, spread
-from deformer_app.viewer.edit import Edit, Handle, Kind, points
+from deformer import DeformationModel, Mesh, Symmetry, spread
+from deformer_app.viewer.edit import Edit, Handle, Kind, Solution, point, points
 from deformer_app.viewer.gizmo import Motion
 from deformer_app.viewer.handle_names import opposite_name
 from deformer_app.viewer.mirror_plane import MirrorPlane
@@ -93,24 +93,6 @@ def centred_at(handles: Sequence[Handle], centre: ArrayLike) -> list[Handle]:
     before = np.mean([handle.centre for handle in handles], axis=0)
     shift = np.asarray(centre, dtype=np.float64) - before
     return [handle.moved(lambda p: p + shift) for handle in handles]
-
-
-def carried(handles: Sequence[Handle], model: DeformationModel, shape: NDArray) -> list[Handle]:
-    """Return handles on another shape of a model, where none of them pulls.
-
-    Args:
-        handles: of any pose.
-        model: the model.
-        shape: (V, 3) a shape that the model makes of a code alone.
-
-    Returns:
-        The handles with their targets at their vertices, without gaps; orientations are those that
-        the shape has there.
-    """
-    turned = [handle.vertices[0] for handle in handles if handle.orientation is not None]
-    turns = iter(local_rotations(model, turned, shape) if turned else ())
-    on_shape = [handle.at(shape[list(handle.vertices)]) for handle in handles]
-    return [h if h.orientation is None else h.oriented(next(turns)) for h in on_shape]
 
 
 def surroundings(handles: Iterable[Handle], shown: NDArray, reach: float) -> NDArray:
@@ -202,8 +184,15 @@ def mirrored(
 def mirrored_edit(edit: Edit, plane: MirrorPlane) -> Edit:
     """Return the mirror image of a whole state: its handles, under their ids, and its base.
 
-    With `plane.mirrored_pose(vertices)` and `plane.mirrored_code(z)` it makes the image of a pose
-    that is stored with its surface and code; handles on the plane are mirrored, too.
+    Handles on the plane are mirrored, too.
     """
     handles = tuple(image(handle, plane.symmetry) for handle in edit.handles)
     return replace(edit, base=plane.mirrored_code(edit.base), handles=handles)
+
+
+def mirrored_solution(solution: Solution, plane: MirrorPlane) -> Solution:
+    """Return the mirror image of a solution, for the solver to go on from."""
+    symmetry = plane.symmetry
+    turn = point(-symmetry.mirror_directions(solution.rotation))
+    translation = point(symmetry.mirror_directions(solution.translation))
+    return Solution(plane.mirrored_code(solution.z), turn, translation, final=False)

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
-import deformer
 from deformer_app.viewer.edit import Edit, Solution
 from deformer_app.viewer.editor import Editor
-from deformer_app.viewer.handle_changes import carried
+from deformer_app.viewer.pose_path import PosePath
+from deformer_app.viewer.poses import SavedPose
 
 
 class PoseBlend:
-    """Moves the pose between the one before the first `move` and a chosen one.
+    """Moves the pose between the one before the first `move` and a chosen one, on a `PosePath`.
 
-    The latent codes are interpolated, and handles go along to their places on the shape, as when
-    starting from a pose. A blend goes on from where it was until something else changes the pose.
+    Handles of the chosen pose come, too. A blend goes on from where it was until something else
+    changes the pose.
 
     Args:
         editor: whose pose is blended.
@@ -26,22 +23,21 @@ class PoseBlend:
     def __init__(self, editor: Editor) -> None:
         """Begin without a chosen pose."""
         self._editor = editor
-        self._name = ""
-        self._chosen: tuple[float, ...] | None = None
-        self._start: NDArray[np.float64] = np.zeros(0)
+        self._chosen: SavedPose | None = None
+        self._path: PosePath | None = None
         self._result: Edit | None = None
+        self._known: Solution | None = None
         self._share = 0.0
 
     @property
     def chosen(self) -> str | None:
         """Name of the chosen pose, or None."""
-        return None if self._chosen is None else self._name
+        return None if self._chosen is None else self._chosen.name
 
-    def choose(self, name: str, code: tuple[float, ...] | None) -> None:
+    def choose(self, pose: SavedPose | None) -> None:
         """Choose the pose to blend with; None chooses none."""
-        if (name, code) != (self._name, self._chosen):
-            self._name, self._chosen = name, code
-            self._result = None
+        if pose != self._chosen:
+            self._chosen, self._result = pose, None
 
     @property
     def share(self) -> float:
@@ -55,16 +51,26 @@ class PoseBlend:
         editor = self._editor
         if self._chosen is None or editor.dragging:
             return
-        if self._result is None or editor.edit != self._result:
-            self._start = editor.code
-        between = np.array([self._start, self._chosen])
-        code = deformer.interpolate_codes(between, share)
+        if self._path is None or editor.edit != self._result:
+            self._path = self._way(self._chosen)
         self._share = share
-        handles = carried(editor.edit.handles, editor.model, editor.model.decode(code))
-        self._result = replace(editor.edit, base=tuple(code.tolist()), handles=tuple(handles))
+        self._result, self._known = self._path.at(share)
         editor.show_edit(self._result)
+
+    def _way(self, chosen: SavedPose) -> PosePath:
+        """The path from the present state, with the chosen pose's handles on its surface."""
+        editor = self._editor
+        edit, first = editor.edit, editor.session.next_id()
+        there = {handle.vertices for handle in edit.handles}
+        missing = [handle for handle in chosen.handles if handle.vertices not in there]
+        added = [
+            editor.handles.on_surface(replace(handle, id=first + n))
+            for n, handle in enumerate(missing)
+        ]
+        return PosePath(editor.model, edit, chosen, added)
 
     def commit(self) -> None:
         """Make the blend a step of the history."""
-        if self._result is not None and self._editor.session.under_way:
-            self._editor.commit(f"Blend with {self._name}", Solution.of_code(self._result.base))
+        editor = self._editor
+        if self._chosen is not None and editor.session.under_way and editor.edit == self._result:
+            editor.commit(f"Blend with {self._chosen.name}", self._known)

@@ -7,11 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from deformer import InputError
 from deformer_app.viewer.changes import PosesChanged
 from deformer_app.viewer.editor import Editor
+from deformer_app.viewer.handle_changes import mirrored_edit, mirrored_solution
+from deformer_app.viewer.mirror_plane import MirrorPlane
 from deformer_app.viewer.pose_files import (
     library_text,
     load_library,
@@ -31,7 +31,7 @@ def present_pose(editor: Editor, name: str) -> SavedPose:
     if editor.preparing:
         raise InputError("The solver is still being prepared; try again in a moment")
     editor.wait_for_pose()
-    return SavedPose(name, tuple(editor.code.tolist()), editor.edit.handles)
+    return SavedPose(name, editor.edit, editor.shown_solution)
 
 
 def change_poses(editor: Editor, change: Callable[[PoseShelf], Any]) -> None:
@@ -62,18 +62,32 @@ def save_pose(editor: Editor, name: str | None = None) -> SavedPose:
     return saved
 
 
-def start_with_handles(editor: Editor, pose: SavedPose) -> None:
-    """Start from a saved pose, with the handles that it was saved with in place of the present.
+def start_from(editor: Editor, pose: SavedPose, label: str | None = None) -> None:
+    """Show a pose as it was saved, with its handles in place of the present ones.
 
-    A handle at the same vertices as a present one goes on as that, with its keys.
+    A handle at the same vertices as a present one goes on as that, with its keys. A pose without
+    handles is that of its code: present handles go along, as in `PriorCommands.start_at`.
+
+    Args:
+        editor: shows it.
+        pose: the pose.
+        label: of the step; None is "Start from" its name.
     """
-    first = editor.session.next_id()
-    present = {handle.vertices: handle.id for handle in editor.edit.handles}
+    label = f"Start from {pose.name}" if label is None else label
+    if not pose.handles:
+        editor.prior.start_at(label, pose.code)
+        return
+    first, before = editor.session.next_id(), editor.edit.handles
+    present = {handle.vertices: handle.id for handle in before}
     handles = tuple(
         replace(h, id=present.get(h.vertices, first + n)) for n, h in enumerate(pose.handles)
     )
-    edit = replace(editor.edit, base=pose.code, handles=handles)
-    editor.change(f"Start from {pose.name} with handles", edit)
+    edit = replace(pose.edit, handles=handles)
+    editor.change(label, edit, both_sides=False, solution=pose.solution)
+    gone = len({h.id for h in before} - {h.id for h in handles})
+    if gone:
+        there = "one that was" if gone == 1 else f"{gone} that were"
+        editor.note(f"Its handles replace the {there} there")
 
 
 def copied(editor: Editor, pose: SavedPose | None = None) -> str:
@@ -83,13 +97,13 @@ def copied(editor: Editor, pose: SavedPose | None = None) -> str:
 
 
 def paste(editor: Editor, text: str) -> None:
-    """Start from the pose in the clipboard's text.
+    """Start from the pose in the clipboard's text, as it was copied.
 
     Raises:
         InputError: it holds none of this model.
     """
     pose = parse_library(text, editor.model, editor.session.model)[0]
-    editor.prior.start_at("Paste pose", pose.code)
+    start_from(editor, pose, "Paste pose")
 
 
 def paste_mirrored(editor: Editor, text: str) -> None:
@@ -102,11 +116,19 @@ def paste_mirrored(editor: Editor, text: str) -> None:
     pose = parse_library(text, model, editor.session.model)[0]
 
     def paste() -> Iterator[None]:
-        code = yield from in_background(lambda: plane.mirrored_code(np.array(pose.code)))
+        image = yield from in_background(lambda: _mirrored(pose, plane))
         if editor.model is model:
-            editor.prior.start_at("Paste pose mirrored", code)
+            start_from(editor, image, "Paste pose mirrored")
 
     editor.mirror.with_plane(lambda: editor.run(paste()))
+
+
+def _mirrored(pose: SavedPose, plane: MirrorPlane) -> SavedPose:
+    """The mirror image of a pose."""
+    if not pose.handles:
+        return SavedPose.of_code(pose.name, plane.mirrored_code(pose.code))
+    solution = None if pose.solution is None else mirrored_solution(pose.solution, plane)
+    return SavedPose(pose.name, mirrored_edit(pose.edit, plane), solution)
 
 
 def export_poses(editor: Editor, path: str | Path) -> None:

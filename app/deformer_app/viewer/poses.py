@@ -10,30 +10,64 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from deformer import DeformationModel, InputError, io
-from deformer_app.viewer.edit import Handle
-from deformer_app.viewer.handle_json import read_handle
+from deformer_app.viewer.edit import Edit, Handle, Solution
+from deformer_app.viewer.edit_json import (
+    check_state_fits,
+    read_handle,
+    read_settings,
+    read_solution,
+    settings_as_json,
+)
 
 _LONGEST = 60  # characters of a name
+# Keys of a file's entry beside name, code and handles.
+_STATE = ("base", "noise", "body", "floor", "solution")
 
 
 @dataclass(frozen=True)
 class SavedPose:
-    """A pose with a name.
+    """A pose with a name: the state that made it, and its solution.
 
     Args:
         name: text of one line for the user.
-        code: (K,) latent code.
-        handles: those that held the pose, with their targets.
+        edit: the state: the prior's mean, and the handles with their targets.
+        solution: the pose of that state; None is to be solved for.
     """
 
     name: str
-    code: tuple[float, ...]
-    handles: tuple[Handle, ...] = ()
+    edit: Edit
+    solution: Solution | None = None
+
+    @classmethod
+    def of_code(cls, name: str, code: tuple[float, ...]) -> SavedPose:
+        """The pose of a latent code (K,) alone."""
+        return cls(name, Edit(code), Solution.of_code(code))
+
+    @property
+    def code(self) -> tuple[float, ...]:
+        """(K,) latent code of the pose."""
+        return self.shown.z
+
+    @property
+    def shown(self) -> Solution:
+        """The solution; that of the code alone if it is not known."""
+        return Solution.of_code(self.edit.base) if self.solution is None else self.solution
+
+    @property
+    def handles(self) -> tuple[Handle, ...]:
+        """The handles that hold the pose."""
+        return self.edit.handles
 
     def as_json(self) -> dict[str, Any]:
         """Return the pose's entry of a file."""
-        handles = [asdict(handle) for handle in self.handles]
-        return {"name": self.name, "code": list(self.code), "handles": handles}
+        return {
+            "name": self.name,
+            "code": list(self.code),
+            "handles": [asdict(handle) for handle in self.handles],
+            "base": list(self.edit.base),
+            **settings_as_json(self.edit),
+            "solution": None if self.solution is None else asdict(self.solution),
+        }
 
 
 class PoseShelf:
@@ -137,17 +171,26 @@ def read_poses(value: io.JsonValue) -> list[SavedPose]:
     """
     poses: list[SavedPose] = []
     for item in value.items():
-        item.check_keys(("name", "code"), ("handles",))
+        item.check_keys(("name", "code"), ("handles", *_STATE))
         try:
             name = checked_name(item["name"].text())
         except InputError as error:
             raise InputError(f"{item}: {error}") from None
         if any(pose.name == name for pose in poses):
             raise item["name"].error("a name that no other pose has")
-        handles = item["handles"].items() if "handles" in item else []
-        code = item["code"].numbers(largest=io.LARGEST)
-        poses.append(SavedPose(name, code, tuple(read_handle(handle) for handle in handles)))
+        poses.append(_read_state(name, item))
     return poses
+
+
+def _read_state(name: str, item: io.JsonValue) -> SavedPose:
+    rows = item["handles"].items() if "handles" in item else []
+    handles = tuple(read_handle(row) for row in rows)
+    code = item["code"].numbers(largest=io.LARGEST)
+    if "base" not in item:  # files of earlier versions have the code and the handles alone
+        return SavedPose(name, Edit(code, handles))
+    base = item["base"].numbers(len(code), largest=io.LARGEST)
+    edit = Edit(base, handles, **read_settings(item))
+    return SavedPose(name, edit, read_solution(item["solution"]))
 
 
 def check_poses_fit(poses: Sequence[SavedPose], model: DeformationModel, where: Any) -> None:
@@ -163,15 +206,4 @@ def check_poses_fit(poses: Sequence[SavedPose], model: DeformationModel, where: 
     """
     K, V = model.components, len(model.reference.vertices)
     for pose in poses:
-        if len(pose.code) != K:
-            raise InputError(
-                f"{where}: pose {pose.name!r} has a code of {len(pose.code)} numbers, expected "
-                f"the model's {K}; restore the file"
-            )
-        for handle in pose.handles:
-            highest = max((*handle.vertices, *handle.patch))
-            if highest >= V:
-                raise InputError(
-                    f"{where}: pose {pose.name!r} has a handle at vertex {highest}, expected "
-                    f"0…{V - 1}; restore the file"
-                )
+        check_state_fits(pose.edit, pose.solution, K, V, f"{where}: pose {pose.name!r}")

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deformer_app.viewer.edit import Body, Solution
-from deformer_app.viewer.handle_changes import carried
+from deformer_app.viewer.edit import Body
 from deformer_app.viewer.model_files import start_codes
+from deformer_app.viewer.pose_path import PosePath
+from deformer_app.viewer.poses import SavedPose
 from deformer_app.viewer.target import load_alike
 from deformer_app.viewer.worker import in_background
 
@@ -39,21 +40,17 @@ class PriorCommands:
     def start_at(self, label: str, code: ArrayLike) -> None:
         """Show the shape of a latent code (K,), the prior's mean from now on, as a step.
 
-        Handles go along to their places on the shape, so that none of them pulls; while the
-        timeline keys by itself, the step is their key at the playhead.
+        Handles go along to their places on the shape, so that none of them pulls, and pins hold
+        (`PosePath`); while the timeline keys by itself, the step is their key at the playhead.
 
         Args:
             label: of the step.
             code: the code.
         """
-        editor, base = self._editor, tuple(float(value) for value in np.asarray(code))
-        handles = carried(editor.edit.handles, editor.model, editor.model.decode(base))
-        editor.change(
-            label,
-            replace(editor.edit, base=base, handles=tuple(handles)),
-            both_sides=False,
-            solution=Solution.of_code(base),
-        )
+        editor = self._editor
+        base = tuple(float(value) for value in np.asarray(code))
+        edit, solution = PosePath(editor.model, editor.edit, SavedPose.of_code(label, base)).at(1.0)
+        editor.change(label, edit, both_sides=False, solution=solution)
 
     def start_from_mesh(self, path: str | Path) -> None:
         """Start from the code whose shape is closest to a mesh; a background job finds it.

@@ -35,9 +35,8 @@ def python_script(editor: Editor, output: str = "pose.ply") -> str:
     if editor.preparing:
         raise InputError("The solver is still being prepared; try again in a moment")
     editor.wait_for_pose()
-    answer, edit = editor.answer, editor.edit
-    assert answer is not None
-    solution = editor.session.entry.solution or answer.solution
+    edit, solution = editor.edit, editor.shown_solution
+    assert solution is not None
     lines = [
         '"""A pose made in the viewer of Deformer."""',
         "",

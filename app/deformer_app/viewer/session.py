@@ -15,15 +15,14 @@ from numpy.typing import ArrayLike
 
 import deformer
 from deformer import InputError, io
-from deformer_app.viewer.edit import (
-    BODIES,
-    Edit,
-    Handle,
-    Point,
-    Solution,
-    point,
+from deformer_app.viewer.edit import Edit, Handle, Solution
+from deformer_app.viewer.edit_json import (
+    check_state_fits,
+    read_handle,
+    read_settings,
+    read_solution,
+    settings_as_json,
 )
-from deformer_app.viewer.handle_json import read_handle
 from deformer_app.viewer.handle_rows import handle_rows
 from deformer_app.viewer.poses import PoseShelf, SavedPose, check_poses_fit, read_poses
 from deformer_app.viewer.timeline.keys import NO_KEYS, Clip
@@ -317,9 +316,7 @@ class Session:
                     "label": entry.label,
                     "handles": named,
                     "base": bases.setdefault(edit.base, len(bases)),
-                    "noise": edit.noise,
-                    "body": edit.body,
-                    "floor": edit.floor,
+                    **settings_as_json(edit),
                     "solution": None if entry.solution is None else asdict(entry.solution),
                     "clip": clips.setdefault(entry.clip, len(clips)),
                 }
@@ -360,7 +357,7 @@ class Session:
                 f"{FORMAT}", "the session is of another release: save it again there"
             )
         handles = [read_handle(item) for item in data["handles"].items()]
-        bases = [_numbers(code) for code in data["bases"].items()]
+        bases = [code.numbers(largest=io.LARGEST) for code in data["bases"].items()]
         clips = read_clips(data)
         entries = [_entry(item, handles, bases, clips) for item in data["entries"].items()]
         if not entries:
@@ -394,26 +391,7 @@ class Session:
         K, V = model.components, len(model.reference.vertices)
         for n, entry in enumerate(self.entries):
             check_clip_fits(entry.clip, K, f"{where}: entries[{n}]")
-            touching = entry.solution.contacts if entry.solution else ()
-            if max(touching, default=0) >= V:
-                raise InputError(
-                    f"{where}: entries[{n}]: a contact at vertex {max(touching)}, expected one of "
-                    f"the model's {V}; restore the file"
-                )
-            codes = [entry.edit.base, *([entry.solution.z] if entry.solution else [])]
-            for code in codes:
-                if len(code) != K:
-                    raise InputError(
-                        f"{where}: entries[{n}]: a code of {len(code)} numbers, expected the "
-                        f"model's {K}; restore the file"
-                    )
-            for handle in entry.edit.handles:
-                highest = max((*handle.vertices, *handle.patch))
-                if highest >= V:
-                    raise InputError(
-                        f"{where}: entries[{n}]: handle {handle.id} has vertex {highest}, expected "
-                        f"0…{V - 1}; restore the file"
-                    )
+            check_state_fits(entry.edit, entry.solution, K, V, f"{where}: entries[{n}]")
 
 
 def _names(value: io.JsonValue) -> dict[int, str]:
@@ -431,28 +409,8 @@ def _entry(
     edit = Edit(
         bases[item["base"].integer(0, len(bases) - 1)],
         tuple(handles[n] for n in item["handles"].integers(0, len(handles) - 1)),
-        item["noise"].number(above=0, most=io.LARGEST),
-        item["body"].choice(BODIES),
-        # Sessions of earlier versions have no floor.
-        item["floor"].number(least=-io.LARGEST, most=io.LARGEST)
-        if "floor" in item and item["floor"].value is not None
-        else None,
+        **read_settings(item),
     )
-    found = item["solution"]
-    solution = None
-    if found.value is not None:
-        parts = _point(found["rotation"]), _point(found["translation"])
-        # Sessions of earlier versions show every solution as it is.
-        final = found["final"].flag() if "final" in found else True
-        contacts = tuple(found["contacts"].integers(least=0)) if "contacts" in found else ()
-        solution = Solution(_numbers(found["z"]), *parts, final, contacts)
+    solution = read_solution(item["solution"])
     clip = clips[item["clip"].integer(0, len(clips) - 1)] if clips else NO_KEYS
     return Entry(item["label"].text(), edit, solution, clip)
-
-
-def _numbers(value: io.JsonValue, length: int | None = None) -> tuple[float, ...]:
-    return value.numbers(length, largest=io.LARGEST)
-
-
-def _point(value: io.JsonValue) -> Point:
-    return point(_numbers(value, 3))

@@ -12,7 +12,7 @@ from deformer_app.viewer.gizmo import translation
 from deformer_app.viewer.handle_changes import image, mirrored
 from deformer_app.viewer.handle_names import opposite_name
 from deformer_app.viewer.handle_rows import handles_of_rows
-from deformer_app.viewer.pose_commands import save_pose, start_with_handles
+from deformer_app.viewer.pose_commands import save_pose, start_from
 from deformer_app.viewer.session import Session
 from deformer_app.viewer.timeline.exports import handle_frames
 from off_screen_editor import finish
@@ -92,7 +92,7 @@ def test_names_are_kept_in_sessions_poses_and_handle_files(editor, handles, tmp_
     assert [row.name for row in file.frames[0]] == ["left foot", ""]
     assert [h.name for h in handles_of_rows("h.json", file, 1)] == ["left foot", ""]
     handles.clear()
-    start_with_handles(editor, saved)
+    start_from(editor, saved)
     assert [h.name for h in editor.edit.handles] == ["left foot", ""]
     editor.timeline.keys.set()
     finish(editor)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from deformer import InputError, local_rotations
-from deformer_app.viewer.changes import PosesChanged
+from deformer_app.viewer.changes import NoticeGiven, PosesChanged
 from deformer_app.viewer.gizmo import translation
 from deformer_app.viewer.pose_blend import PoseBlend
 from deformer_app.viewer.pose_commands import (
@@ -18,14 +18,14 @@ from deformer_app.viewer.pose_commands import (
     paste,
     paste_mirrored,
     save_pose,
-    start_with_handles,
+    start_from,
 )
 from deformer_app.viewer.poses import PoseShelf, SavedPose
 from deformer_app.viewer.session import Session
 from deformer_app.viewer.timeline.keys import SLIDERS
-from off_screen_editor import finish
+from off_screen_editor import finish, texts
 
-A, B, C = (SavedPose(name, (0.1, float(n))) for n, name in enumerate("abc"))
+A, B, C = (SavedPose.of_code(name, (0.1, float(n))) for n, name in enumerate("abc"))
 
 
 def pose_by_hand(editor):
@@ -65,34 +65,153 @@ def test_a_name_that_is_none_or_taken_leaves_the_pose_as_it_is(name):
     assert shelf.poses == (A, B)
 
 
-def test_a_saved_pose_is_started_from_again_with_and_without_its_handles(editor):
+def test_a_saved_pose_is_started_from_again_as_it_was(editor):
     told = []
     pose_by_hand(editor)
-    before = editor.vertices.copy()
+    before, was = editor.vertices.copy(), editor.edit
     editor.on_change.append(lambda change: told.append(type(change)))
     saved = save_pose(editor)
     assert saved.name == "Pose 1" and PosesChanged in told and editor.session.changed
-    assert saved.handles == editor.edit.handles and saved.code == tuple(editor.code.tolist())
+    assert saved.handles == was.handles and saved.code == tuple(editor.code.tolist())
     editor.prior.reset()
+    editor.floor.switch()
     finish(editor)
-    away = np.abs(editor.vertices - before).max()
-    editor.prior.start_from(saved.name, saved.code)
+    start_from(editor, saved)
     finish(editor)
-    np.testing.assert_allclose(editor.vertices, editor.model.decode(saved.code), atol=1e-4)
-    assert not editor.edit.handles
-    start_with_handles(editor, saved)
-    finish(editor)
-    assert [h.kind for h in editor.edit.handles] == ["pin", "soft"]
-    assert np.abs(editor.vertices - before).max() < 0.2 * away
+    np.testing.assert_allclose(editor.vertices, before, atol=1e-12)
     used = [h.id for entry in editor.session.entries[:-1] for h in entry.edit.handles]
     assert not {h.id for h in editor.edit.handles} & set(used), "ids of a session are used once"
+    now = tuple(replace(h, id=w.id) for h, w in zip(editor.edit.handles, was.handles, strict=True))
+    assert replace(editor.edit, handles=now) == was
+    assert editor.session.entry.label == "Start from Pose 1"
+    # It goes on from there: the next drag starts where the pose is.
+    editor.handles.place(60)
+    editor.commit("Place")
+    finish(editor)
+    size = editor.model.reference.bounding_diagonal
+    assert np.abs(editor.vertices - before).max() < 1e-3 * size
+    editor.undo()
     editor.undo()
     finish(editor)
     assert not editor.edit.handles and names(editor.session.shelf) == ["Pose 1"]
 
 
+def test_the_shape_of_a_saved_pose_is_started_from_with_the_present_handles(editor):
+    pose_by_hand(editor)
+    saved = save_pose(editor)
+    editor.prior.reset()
+    editor.handles.place(60)
+    editor.commit("Place")
+    finish(editor)
+    editor.prior.start_at("Shape", saved.code)
+    finish(editor)
+    np.testing.assert_allclose(editor.vertices, editor.model.decode(saved.code), atol=1e-4)
+    assert [h.vertices for h in editor.edit.handles] == [(60,)]
+
+
+def test_a_pose_without_handles_takes_the_present_ones_along(editor):
+    saved = save_pose(editor)
+    pose_by_hand(editor)
+    kinds = [(h.id, h.kind) for h in editor.edit.handles]
+    start_from(editor, saved)
+    finish(editor)
+    assert [(h.id, h.kind) for h in editor.edit.handles] == kinds
+
+
+def test_poses_of_earlier_versions_have_a_code_and_handles_alone(editor, tmp_path):
+    file = tmp_path / "poses.json"
+    pose_by_hand(editor)
+    before = editor.vertices.copy()
+    save_pose(editor, "reach")
+    export_poses(editor, file)
+    data = json.loads(file.read_text())
+    for key in ("base", "noise", "body", "floor", "solution"):
+        del data["poses"][0][key]
+    file.write_text(json.dumps(data))
+    editor.prior.reset()
+    finish(editor)
+    away = np.abs(editor.vertices - before).max()
+    import_poses(editor, file)
+    saved = editor.session.shelf.poses[1]
+    start_from(editor, saved)
+    finish(editor)
+    assert [h.kind for h in editor.edit.handles] == ["pin", "soft"]
+    assert np.abs(editor.vertices - before).max() < 0.2 * away
+
+
+@pytest.mark.parametrize("share", [0.3, 1.0])
+def test_pins_hold_while_a_pose_is_blended_or_started_from(editor, share):
+    pose_by_hand(editor)
+    finish(editor)
+    pin, soft = editor.edit.handles
+    size = editor.model.reference.bounding_diagonal
+    code = editor.model.codes[5]
+    blend = PoseBlend(editor)
+    blend.choose(SavedPose.of_code("Shape 5", tuple(code.tolist())))
+    blend.move(share)
+    blend.commit()
+    finish(editor)
+    assert editor.edit.handles[0].targets == pin.targets
+    off = editor.vertices[list(pin.vertices)] - np.array(pin.targets)
+    assert np.abs(off).max() < 1e-4 * size
+    assert editor.edit.handles[1].targets != soft.targets
+    if share == 1.0:  # the other handle is where the pin holds the shape, and does not pull at it
+        before = editor.vertices.copy()
+        editor.change("Without", editor.edit.without([soft.id]))
+        finish(editor)
+        assert np.abs(editor.vertices - before).max() < 0.05 * size
+        editor.undo()
+        finish(editor)
+        editor.prior.start_from("Shape 5", code)
+        finish(editor)
+        assert editor.edit.handles[0].targets == pin.targets
+        off = editor.vertices[list(pin.vertices)] - np.array(pin.targets)
+        assert np.abs(off).max() < 1e-4 * size
+
+
+def test_a_blend_begins_where_the_pose_is_and_ends_at_a_saved_one(editor):
+    size = editor.model.reference.bounding_diagonal
+    pose_by_hand(editor)
+    saved = save_pose(editor, "reach")
+    reached = editor.vertices.copy()
+    editor.prior.reset()
+    finish(editor)
+    blend = PoseBlend(editor)
+    blend.choose(saved)
+    blend.move(0.5)
+    blend.move(1.0)
+    blend.commit()
+    finish(editor)
+    np.testing.assert_allclose(editor.vertices, reached, atol=1e-12)
+    editor.undo()
+    editor.handles.place(60)
+    editor.handles.move_selected(translation([0.3, 0.0, 0.2]))
+    editor.commit("Pull")
+    finish(editor)
+    start, before = editor.vertices.copy(), editor.edit
+    blend.move(0.001)
+    finish(editor)
+    apart = np.abs(reached - start).max()
+    assert np.abs(editor.vertices - start).max() < 0.003 * size < 0.03 * apart
+    blend.move(1.0)
+    blend.commit()
+    finish(editor)
+    assert np.abs(editor.vertices - reached).max() < 0.02 * size
+    assert [h.kind for h in editor.edit.handles] == ["soft", "pin", "soft"]
+    assert [h.targets for h in editor.edit.handles[1:]] == [
+        pytest.approx(np.array(h.targets)) for h in saved.handles
+    ]
+    # Back at the start it is the state of the start.
+    blend.move(0.0)
+    blend.commit()
+    finish(editor)
+    assert editor.edit == before
+    np.testing.assert_allclose(editor.vertices, start, atol=1e-3 * size)
+
+
 def test_handles_and_their_keys_go_along_to_a_pose_that_is_started_from(editor):
     pose_by_hand(editor)
+    editor.change("Free", editor.edit.without([editor.edit.handles[0].id]))
     editor.handles.place(60)
     (R,) = local_rotations(editor.model, [60], editor.vertices)
     editor.commit("Place")
@@ -110,7 +229,7 @@ def test_handles_and_their_keys_go_along_to_a_pose_that_is_started_from(editor):
         (h.id, h.kind, h.vertices) for h in before.handles
     ]
     assert editor.handles.selected == chosen
-    # Around the pin the surface is relaxed, as in every pose.
+    # What the orientation asks of the surface is a little more than the shape has.
     off = np.abs(editor.vertices - shape).max()
     assert off < 1e-3 * editor.model.reference.bounding_diagonal
     for handle in after.handles:
@@ -131,7 +250,7 @@ def test_a_saved_pose_started_with_its_handles_goes_on_with_those_that_are_there
     ids = [handle.id for handle in editor.edit.handles]
     editor.handles.move_selected(translation([0.0, 0.1, 0.0]))
     editor.commit("Move")
-    start_with_handles(editor, saved)
+    start_from(editor, saved)
     finish(editor)
     assert [handle.id for handle in editor.edit.handles] == ids
     assert {owner for owner, _ in editor.timeline.rows} >= set(ids)
@@ -161,7 +280,11 @@ def test_a_session_stores_its_poses_and_older_ones_open(editor, tmp_path):
         (lambda d: d["poses"][0].update(name=3), r"poses\[0\]"),
         (lambda d: d["poses"][0].update(name=""), "name of a pose"),
         (lambda d: d["poses"][0].update(more=1), "unknown key 'more'"),
-        (lambda d: d["poses"][0]["code"].pop(), "a code of 5 numbers, expected the model's 6"),
+        (lambda d: d["poses"][0]["code"].pop(), r"poses\[0\].base: expected a list of 5"),
+        (lambda d: d["poses"][0]["solution"]["z"].pop(), "5 numbers, expected the model's 6"),
+        (lambda d: d["poses"][0]["solution"].update(contacts=[9999]), "contact at vertex 9999"),
+        (lambda d: d["poses"][0].pop("solution"), r"poses\[0\]: no 'solution'"),
+        (lambda d: d["poses"][0].update(noise=0), r"poses\[0\].noise"),
         (lambda d: d["poses"][0]["code"].append("x"), r"poses\[0\].code\[6\]"),
         (lambda d: d["poses"][0]["handles"][1].update(vertices=[9999]), "vertex 9999, expected"),
         (lambda d: d["poses"][0]["handles"][0].pop("kind"), r"poses\[0\].handles\[0\]: no 'kind'"),
@@ -224,18 +347,24 @@ def test_sessions_and_poses_of_a_model_that_was_trained_anew_are_told_so(
     assert str(poses) in str(told.value) and "open that one" not in str(told.value)
 
 
-def test_a_copied_pose_is_pasted_as_text_and_can_be_undone(editor):
+def test_a_copied_pose_is_pasted_as_it_was_and_can_be_undone(editor):
     pose_by_hand(editor)
-    code, text = editor.code.copy(), copied(editor)
+    before, handles, text = editor.vertices.copy(), editor.edit.handles, copied(editor)
     editor.prior.reset()
+    editor.handles.place(60)
+    editor.commit("Place")
     finish(editor)
+    told = []
+    editor.on_change.append(told.append)
     paste(editor, text)
     finish(editor)
-    np.testing.assert_allclose(editor.code, code)
+    np.testing.assert_allclose(editor.vertices, before, atol=1e-12)
+    assert [h.targets for h in editor.edit.handles] == [h.targets for h in handles]
     assert editor.session.entry.label == "Paste pose"
+    assert texts(told, NoticeGiven) == ["Its handles replace the one that was there"]
     editor.undo()
     finish(editor)
-    assert np.abs(editor.code - code).max() > 1e-3
+    assert [h.vertices for h in editor.edit.handles] == [(60,)]
     for wrong in ("", "some text", '{"deformer_poses": 1}', '{"deformer_poses": [}'):
         with pytest.raises(InputError, match="clipboard"):
             paste(editor, wrong)
@@ -243,32 +372,58 @@ def test_a_copied_pose_is_pasted_as_text_and_can_be_undone(editor):
 
 def test_a_pose_pasted_mirrored_is_its_image(editor):
     pose_by_hand(editor)
+    was, text = editor.edit, copied(editor)
+    paste_mirrored(editor, text)
+    finish(editor)
+    assert editor.session.entry.label == "Paste pose mirrored"
+    symmetry = editor.mirror.plane.symmetry
+    for handle, source in zip(editor.edit.handles, was.handles, strict=True):
+        assert handle.kind == source.kind
+        assert handle.vertices == tuple(symmetry.opposite[list(source.vertices)])
+        np.testing.assert_allclose(handle.targets, symmetry.mirror(source.targets))
+    at = [v for handle in editor.edit.handles for v in handle.vertices]
+    wanted = [target for handle in editor.edit.handles for target in handle.targets]
+    size = editor.model.reference.bounding_diagonal
+    off = np.abs(editor.vertices[at] - wanted).max(axis=1) / size
+    assert (off < [1e-6, 1e-6, 0.05]).all()
+    editor.undo()
+    finish(editor)
+    assert editor.edit == was
+
+
+def test_a_pose_of_a_code_alone_is_pasted_mirrored_with_the_present_handles(editor):
+    editor.prior.start_from("Shape 3", editor.model.codes[3])
+    finish(editor)
     code, text = editor.code.copy(), copied(editor)
+    editor.handles.place(100)
+    editor.commit("Place")
     paste_mirrored(editor, text)
     finish(editor)
     image = editor.mirror.plane.mirrored_code(code)
     np.testing.assert_allclose(editor.code, image)
-    assert editor.session.entry.label == "Paste pose mirrored"
     shape = editor.model.decode(image)
     for handle in editor.edit.handles:
         np.testing.assert_allclose(handle.targets, shape[list(handle.vertices)])
-    editor.undo()
-    finish(editor)
-    assert len(editor.edit.handles) == 2
 
 
 def test_a_blend_is_live_goes_on_and_is_one_step(editor):
     pose_by_hand(editor)
-    blend, start = PoseBlend(editor), editor.code.copy()
+    editor.change(
+        "Free",
+        editor.edit.with_handles([replace(handle, kind="soft") for handle in editor.edit.handles]),
+    )
+    finish(editor)
+    blend, start = PoseBlend(editor), np.array(editor.edit.base)
     steps = len(editor.session.entries)
     chosen = tuple(editor.model.codes[5].tolist())
     blend.move(0.5)
     assert not editor.session.under_way, "nothing is chosen"
-    blend.choose("Shape 5", chosen)
+    blend.choose(SavedPose.of_code("Shape 5", chosen))
     for share in (0.1, 0.4, 0.25):
         blend.move(share)
     finish(editor)
-    np.testing.assert_allclose(editor.code, 0.75 * start + 0.25 * np.array(chosen), atol=1e-4)
+    quarter = 0.75 * start + 0.25 * np.array(chosen)
+    np.testing.assert_allclose(editor.edit.base, quarter)
     assert len(editor.session.entries) == steps and editor.session.under_way
     blend.commit()
     assert editor.session.entry.label == "Blend with Shape 5" and blend.share == 0.25
@@ -286,4 +441,4 @@ def test_a_blend_is_live_goes_on_and_is_one_step(editor):
     finish(editor)
     blend.move(0.5)
     finish(editor)
-    np.testing.assert_allclose(editor.code, 0.5 * start + 0.5 * np.array(chosen), atol=1e-4)
+    np.testing.assert_allclose(editor.edit.base, 0.5 * start + 0.5 * np.array(chosen))

@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
 import deformer
 from deformer_app.viewer.model_files import start_codes
 from deformer_app.viewer.pose_blend import PoseBlend
-from deformer_app.viewer.pose_commands import change_poses, copied, save_pose, start_with_handles
+from deformer_app.viewer.pose_commands import change_poses, copied, save_pose, start_from
 from deformer_app.viewer.poses import SavedPose
 from deformer_app.viewer.qt.elided_label import ElidedLabel
 from deformer_app.viewer.qt.horizontal_scroll import HorizontalScroll
@@ -70,8 +70,8 @@ class PoseStrip(QWidget):
         self._blend_label = ElidedLabel()
         for shown in (self.saved, self.examples):
             shown.itemSelectionChanged.connect(lambda s=shown: self._choose(s))
-            shown.started.connect(lambda row, s=shown: self._start(s.poses[row]))
-            shown.copied.connect(lambda row, s=shown: self._copy(s.poses[row]))
+            shown.started.connect(lambda row, s=shown: self._start(self._pose(s, row)))
+            shown.copied.connect(lambda row, s=shown: self._copy(self._pose(s, row)))
             shown.setContextMenuPolicy(Qt.ContextMenuPolicy.CustomContextMenu)
             shown.customContextMenuRequested.connect(lambda at, s=shown: self._ask(s, at))
         self.saved.deleted.connect(self._delete)
@@ -122,7 +122,7 @@ class PoseStrip(QWidget):
         self.every.setVisible(not few)
         self.every.setText(f"All {len(self._all) - _FIXED}")
         self.every.setChecked(False)
-        self._blend.choose("", None)
+        self._blend.choose(None)
         self.saved.show_poses([])
         self._list_examples()
 
@@ -154,19 +154,23 @@ class PoseStrip(QWidget):
         if pose is not None:
             other = self.examples if shown is self.saved else self.saved
             other.clearSelection()
-            self._blend.choose(pose.name, pose.code)
+            self._blend.choose(self._pose(shown, shown.currentRow()))
         elif not (self.saved.selectedItems() or self.examples.selectedItems()):
-            self._blend.choose("", None)
+            self._blend.choose(None)
         if self._editor.is_open:
             self.refresh()
 
-    def _start(self, pose: NamedCode) -> None:
-        self._editor.prior.start_from(pose.name, pose.code)
+    def _pose(self, shown: PoseList, row: int) -> SavedPose:
+        """The pose of a row of a list."""
+        if shown is self.saved:
+            return self._editor.session.shelf.poses[row]
+        return SavedPose.of_code(*shown.poses[row])
 
-    def _copy(self, pose: NamedCode) -> None:
-        found = next((p for p in self._editor.session.shelf.poses if p == pose), None)
-        saved = found or SavedPose(pose.name, pose.code)
-        QApplication.clipboard().setText(copied(self._editor, saved))
+    def _start(self, pose: SavedPose) -> None:
+        start_from(self._editor, pose)
+
+    def _copy(self, pose: SavedPose) -> None:
+        QApplication.clipboard().setText(copied(self._editor, pose))
         self._editor.note(f"Copied “{pose.name}”")
 
     def _change(self, change: Callable[[Any], Any]) -> None:
@@ -191,11 +195,15 @@ class PoseStrip(QWidget):
         editor = self._editor
         shelf = editor.session.shelf
         if row >= 0:
-            pose = shown.poses[row]
+            pose = self._pose(shown, row)
             menu.addAction("Start from it", lambda: self._start(pose))
-            if shown is self.saved and shelf.poses[row].handles:
-                saved = shelf.poses[row]
-                menu.addAction("Start with its handles", lambda: start_with_handles(editor, saved))
+            if pose.handles:
+                menu.addAction(
+                    "Start from its shape, with the present handles",
+                    lambda: editor.prior.start_at(
+                        f"Start from the shape of {pose.name}", pose.code
+                    ),
+                )
             menu.addAction("Copy", lambda: self._copy(pose))
         if shown is self.saved:
             if row >= 0:

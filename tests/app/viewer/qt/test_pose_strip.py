@@ -118,13 +118,46 @@ def test_a_pose_is_saved_renamed_deleted_and_brought_back_by_keys(app, window, s
     bring.trigger()
     rest(app, window)
     assert names(strip.saved) == ["Pose 2", "reach"]
-    # The pose was saved with its handle.
-    start = [
-        a for a in strip.menu(strip.saved, 1).actions() if a.text() == "Start with its handles"
-    ]
-    start[0].trigger()
+
+
+def test_a_saved_pose_is_started_from_and_copied_with_its_handles_or_its_shape_alone(
+    app, window, strip
+):
+    from PySide6.QtCore import Qt
+    from PySide6.QtTest import QTest
+
+    place(window, 100)
     rest(app, window)
-    assert window.editor.session.entry.label == "Start from reach with handles"
+    window.menus.items["save-pose"].trigger()
+    rest(app, window)
+    shown, handles = window.editor.vertices.copy(), window.editor.edit.handles
+
+    def clear():
+        window.editor.prior.reset()
+        place(window, 60)
+        rest(app, window)
+
+    clear()
+    click(strip.saved, 0)
+    click(strip.saved, 0, double=True)
+    rest(app, window)
+    assert window.editor.session.entry.label == "Start from Pose 1"
+    np.testing.assert_allclose(window.editor.vertices, shown, atol=1e-12)
+    assert [h.targets for h in window.editor.edit.handles] == [h.targets for h in handles]
+    assert "replace the one that was there" in window.notices.note.text
+    clear()
+    click(strip.saved, 0)
+    QTest.keyClick(strip.saved, Qt.Key.Key_C, Qt.KeyboardModifier.ControlModifier)
+    window.menus.items["paste-pose"].trigger()
+    rest(app, window)
+    np.testing.assert_allclose(window.editor.vertices, shown, atol=1e-12)
+    clear()
+    menu = strip.menu(strip.saved, 0)
+    (shape,) = (a for a in menu.actions() if "with the present handles" in a.text())
+    shape.trigger()
+    rest(app, window)
+    assert window.editor.session.entry.label == "Start from the shape of Pose 1"
+    assert [h.vertices for h in window.editor.edit.handles] == [(60,)]
 
 
 def test_a_name_that_is_taken_is_told_and_changes_nothing(app, window, strip):
