@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deformer.checks import checked_indices, checked_instance
-from deformer.editing.energy import HandleEnergy
 from deformer.editing.handles import Pose
+from deformer.editing.solution_shape import posed_shape
 from deformer.geometry import FloatArray
 from deformer.model import DeformationModel
 
@@ -34,10 +34,7 @@ def surface_gaps(model: DeformationModel, pose: Pose, vertices: ArrayLike) -> Fl
     index = checked_indices(vertices, "vertices", len(model.reference.vertices))
     if not len(index):
         return np.zeros((0, 3))
-    energy = HandleEnergy.of_model(model.closed, model.handle_noise, rigid=True)
-    x = energy.unknowns(pose.z, pose.rotation, pose.translation / energy.diagonal)
-    p = model.closed.decode_centred(pose.z)
-    shape = model.seams.open(energy.move(x, p - p.mean(axis=0)))
+    shape = posed_shape(model, pose.z, pose.rotation, pose.translation)
     gaps = pose.vertices[index] - shape[index]
-    long = np.linalg.norm(gaps, axis=1) > _LEAST * energy.diagonal
+    long = np.linalg.norm(gaps, axis=1) > _LEAST * model.reference.bounding_diagonal
     return np.where(long[:, None], gaps, 0.0)
