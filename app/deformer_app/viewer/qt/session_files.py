@@ -9,7 +9,7 @@ from typing import Any, Protocol
 from PySide6.QtWidgets import QMenu, QWidget
 
 import deformer
-from deformer import DeformationModel, InputError
+from deformer import DeformationModel, InputError, io
 from deformer_app.viewer.actions import Shell
 from deformer_app.viewer.qt.autosave import Autosave
 from deformer_app.viewer.qt.busy_mark import BusyMark
@@ -92,7 +92,7 @@ class SessionFiles:
         The user is asked about unsaved work only for what can be opened.
         """
         folder = Path(path)
-        if folder.is_dir() and not (folder / "model.json").exists():
+        if folder.is_dir() and io.kind_of(folder) != "model":
             question = f"{folder} holds no model. Train one on the shapes in it?"
             if ask(self._parent, question, "Train…", "Cancel") == "Train…":
                 self._host.train().choose(folder)

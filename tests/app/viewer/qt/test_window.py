@@ -298,6 +298,16 @@ def test_a_folder_of_shapes_is_offered_for_training(app, window, tmp_path, answe
     assert window.training.output.text() == str(tmp_path / "walk-model")
 
 
+def test_a_model_that_has_lost_a_file_is_told_and_not_offered_for_training(
+    app, window, tmp_path, answers
+):
+    window.editor.model.save(tmp_path / "part")
+    (tmp_path / "part" / "model.json").unlink()
+    window.open_model(tmp_path / "part")
+    assert not answers.asked
+    assert "model.json" in window.notices.mistake.text
+
+
 def test_training_on_nonsense_is_told_in_the_dialog(app, window, tmp_path):
     dialog = window.train()
     dialog.choose(tmp_path / "nothing.npz")
