@@ -33,6 +33,8 @@ HANG = 600.0  # seconds of waiting after which the viewer counts as hung
 GROWTH = 0.05  # of memory since the first fifth
 # Commands that end the program, ask for files or leave the window for a dialog.
 _ASIDE = {"quit", "save", "help", "tour", "turntable", "record"}
+# Commands on the clipboard, which leave the window for no dialog.
+_POSES = ("copy-pose", "paste-pose", "paste-mirrored", "save-pose")
 
 
 def main() -> None:
@@ -138,12 +140,14 @@ class Monkey:
             for action in ACTIONS
             if not action.dialog and action.id not in _ASIDE
         ]
+        self._poses = [window.menus.items[name] for name in _POSES]
+        self._poses[0].trigger()  # so that there is a pose to paste
 
     def act(self) -> None:
         """Send one event."""
         chance = self._chance
-        kind = chance.choice(["move", "button", "wheel", "command", "panel", "escape"],
-                             p=[0.66, 0.2, 0.03, 0.07, 0.03, 0.01])  # fmt: skip
+        kind = chance.choice(["move", "button", "wheel", "command", "panel", "pose", "escape"],
+                             p=[0.65, 0.2, 0.03, 0.07, 0.03, 0.01, 0.01])  # fmt: skip
         if kind == "move":
             width, height = self._window.editor.stage.size
             jump = chance.random() < 0.1
@@ -169,6 +173,8 @@ class Monkey:
             self._commands[chance.integers(len(self._commands))].trigger()
         elif kind == "panel":
             self._slide()
+        elif kind == "pose":
+            self._change_pose()
         else:
             self._window.escape()
 
@@ -187,6 +193,23 @@ class Monkey:
         sliders = [*components.values(), prior]
         slider = sliders[chance.integers(len(sliders))]
         slider.setValue(int(chance.integers(slider.maximum() + 1)))
+
+    def _change_pose(self) -> None:
+        """Copy, paste or save the pose, start from one of the strip or blend with it."""
+        from deformer_app.viewer.qt.pose_strip import PoseStrip
+
+        chance = self._chance
+        strip = self._window.docks.panel(PoseStrip)
+        shown = strip.saved if strip.saved.count() and chance.random() < 0.5 else strip.examples
+        row = int(chance.integers(shown.count()))
+        kind = chance.choice(["command", "start", "blend"])
+        if kind == "command":
+            self._poses[chance.integers(len(self._poses))].trigger()
+        elif kind == "start":
+            shown.started.emit(row)
+        else:
+            shown.setCurrentRow(row)
+            strip.blend.setValue(int(chance.integers(strip.blend.maximum() + 1)))
 
     def _send(self, name: str) -> None:
         view, chance = self._window.editor.state.view, self._chance
