@@ -80,7 +80,7 @@ def start_from(editor: Editor, pose: SavedPose, label: str | None = None) -> Non
     first, before = editor.session.next_id(), editor.edit.handles
     present = {handle.vertices: handle.id for handle in before}
     handles = tuple(
-        replace(h, id=present.get(h.vertices, first + n)) for n, h in enumerate(pose.handles)
+        replace(h, id=present.pop(h.vertices, first + n)) for n, h in enumerate(pose.handles)
     )
     edit = replace(pose.edit, handles=handles)
     editor.change(label, edit, both_sides=False, solution=pose.solution)

@@ -257,6 +257,18 @@ def test_a_saved_pose_started_with_its_handles_goes_on_with_those_that_are_there
     assert [h.targets for h in editor.edit.handles] == [h.targets for h in saved.handles]
 
 
+def test_handles_at_the_same_place_keep_ids_of_their_own(editor):
+    """As those of a mirrored pose may be, whose vertices have one opposite."""
+    editor.handles.place(100)
+    editor.commit("Place")
+    finish(editor)
+    (handle,) = editor.edit.handles
+    twice = editor.edit.with_handles([replace(handle, id=7)])
+    start_from(editor, SavedPose("two", twice))
+    first, second = editor.edit.handles
+    assert first.id == handle.id != second.id
+
+
 def test_a_session_stores_its_poses_and_older_ones_open(editor, tmp_path):
     file = tmp_path / "s.json"
     pose_by_hand(editor)
