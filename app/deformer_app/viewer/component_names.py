@@ -2,15 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
 import deformer
 from deformer import DeformationModel, InputError
-from deformer_app.viewer.editor import Editor
+
+if TYPE_CHECKING:
+    from deformer_app.viewer.editor import Editor
 
 
 def component_title(model: DeformationModel, component: int) -> str:
     """Return a component's name as it was typed, or "Component 3"."""
     label = model.label(component)
     return label if component in model.component_names else label.capitalize()
+
+
+def with_session_names(model: DeformationModel, names: Mapping[int, str]) -> DeformationModel:
+    """Return a copy with a session's names for components, an empty one for none.
+
+    A name that the model has by now for another component is the session's.
+
+    Raises:
+        InputError: names that are none, or of no component.
+    """
+    taken = {name.strip() for name in names.values()}
+    lost = {k: "" for k, name in model.component_names.items() if name in taken}
+    return model.with_component_names({**lost, **names})
 
 
 def rename_component(editor: Editor, component: int, name: str) -> None:

@@ -30,6 +30,7 @@ from deformer_app.viewer.changes import (
     NoticeGiven,
     StepShown,
 )
+from deformer_app.viewer.component_names import with_session_names
 from deformer_app.viewer.controller import Controller
 from deformer_app.viewer.edit import Edit, Solution
 from deformer_app.viewer.filming import Filming
@@ -145,7 +146,7 @@ class Editor:
         name = ModelName.of(path, model)
         if session is not None and session.component_names:
             try:
-                model = model.with_component_names(session.component_names)
+                model = with_session_names(model, session.component_names)
             except deformer.InputError as error:
                 self.announce(MistakeMade(f"Names of components in the session are lost: {error}"))
                 session.component_names.clear()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from deformer import Activations, InputError, Synthesis, load_model
-from deformer_app.viewer.changes import ComponentsNamed
+from deformer_app.viewer.changes import ComponentsNamed, MistakeMade
 from deformer_app.viewer.component_names import rename_component
 from deformer_app.viewer.component_scale import ComponentScale
 from deformer_app.viewer.handle_names import opposite_name
@@ -118,6 +118,21 @@ def test_a_name_is_stored_with_the_session_and_with_the_model(editor, heard, tmp
     assert load_model(tmp_path / "tube").component_names == {}
     editor.save_session(tmp_path / "s.json")
     assert Session.load(tmp_path / "s.json").component_names == {2: ""}
+
+
+def test_a_name_of_the_session_is_kept_if_the_model_has_it_for_another_by_now(
+    editor, heard, tmp_path
+):
+    small_model().save(tmp_path / "tube")
+    editor.open_model(tmp_path / "tube")
+    editor.name_components({2: "Head", 4: "nod"})
+    editor.save_session(tmp_path / "s.json")
+    small_model().with_component_names({1: "Head", 2: "Leg", 3: "Arm"}).save(tmp_path / "tube")
+    heard.clear()
+    editor.open_session(tmp_path / "s.json")
+    assert editor.model.component_names == {2: "Head", 3: "Arm", 4: "nod"}
+    assert editor.session.component_names == {2: "Head", 4: "nod"}
+    assert not texts(heard, MistakeMade) and not editor.session.changed
 
 
 def test_a_renamed_component_is_called_so_beside_its_colours(editor):
