@@ -11,6 +11,7 @@ standing, walking, running, reaching, sitting … poses; shape 0 is anny's rest 
 The NPZ holds `vertices` float32 (N, V, 3) in metres, z up, the body facing −y with its left at +x,
 the pelvis over the origin and at the same height in all shapes; `faces` int32 (F, 3); `names`, the
 pose family of every shape.
+`14_name_components.py` names the components of a model that was trained from the set.
 """
 
 from __future__ import annotations

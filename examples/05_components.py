@@ -1,4 +1,4 @@
-"""Component analysis: the strongest components of the shipped figure, with names."""
+"""Component analysis: the strongest components of the shipped figure, with their names."""
 
 import sys
 from pathlib import Path
@@ -7,12 +7,10 @@ import deformer
 from deformer_app.cli.components import heat_layers, heat_maps, heat_sheet, title
 from deformer_app.rendering.sheets import save_sheet
 
-NAMES = {8: "left elbow", 7: "right elbow", 19: "left knee", 18: "right knee", 4: "sit"}
-
 
 def main(picture: Path, quick: bool = False) -> list[deformer.Component]:
     """Write the picture; returns the components."""
-    model = deformer.load_model("humanoid").with_component_names(NAMES)
+    model = deformer.load_model("humanoid")
     analysis = deformer.ComponentAnalysis(model)
     found = analysis.ranked(2 if quick else 12)
 

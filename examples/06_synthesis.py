@@ -11,13 +11,13 @@ from deformer_app.rendering.sheets import save_rows
 
 def main(picture: Path, quick: bool = False) -> None:
     """Write the picture."""
-    names = {18: "right knee", 5: "left arm up", 8: "left elbow"}
-    model = deformer.load_model("humanoid").with_component_names(names)
+    names = ("Right lower leg", "Left upper arm", "Left forearm")
+    model = deformer.load_model("humanoid")
     synthesis = deformer.Synthesis(model)
     steps = np.linspace(0, 1.5, 2 if quick else 7)
 
     rows = {
-        space: np.stack([synthesis.shape(dict.fromkeys(names.values(), w), space) for w in steps])
+        space: np.stack([synthesis.shape(dict.fromkeys(names, w), space) for w in steps])
         for space in ("latent", "linear")
     }
     titles = {space: [f"{space}, weights {w:.2f}" for w in steps] for space in rows}

@@ -10,6 +10,7 @@ turbulent wind on every face; `flag/` has the code.
 The same seed gives the same motion, with and without noise. The NPZ holds `vertices` float32
 (N, V, 3) in metres, z up, the pole at x = 0, the wind blowing along +x: shape 0 is the flat flag
 at rest, the reference; the others are frames in order. `faces` int32 (F, 3).
+`14_name_components.py` names the components of a model that was trained from the set.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ single expressions, the two-sided ones on both sides, and drawn mixtures.
 
 The NPZ holds `vertices` float32 (N, V, 3) in centimetres, y up, looking along +z; `faces` int32
 (F, 3); `names`, what every shape is.
+`14_name_components.py` names the components of a model that was trained from the set.
 """
 
 from __future__ import annotations

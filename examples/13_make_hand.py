@@ -12,6 +12,7 @@ code beside this file: single digits, fists, spread fingers, signs, pinches, gra
 The NPZ holds `vertices` float32 (N, V, 3) in metres, z up along the fingers, the palm facing −y,
 the palm at the same place in all shapes; shape 0 is the hand at rest. `faces` int32 (F, 3);
 `names`, the pose family of every shape.
+`14_name_components.py` names the components of a model that was trained from the set.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hand.poses import CYCLE, FINGERS, finger, schedule, thumb, wrist
 from hand.quality import MOST_INSIDE, Inspector
+from hand.regions import hand_regions
 from hand.rig import DIGITS, TO_UPRIGHT, joints_of, load_hand
 
 import deformer
@@ -200,3 +201,17 @@ def test_a_bent_thumb_turns_its_pad_to_the_fingers(hand):
     tip = hand.index["thumb-tip"]
     across = hand.joint_positions(thumb(30, 0, 30))[tip] - hand.joint_positions({})[tip]
     assert across[1] < -0.01  # to the palm's side
+
+
+def test_regions_are_those_of_the_joints_that_move_them(hand):
+    regions = hand_regions(hand)
+    np.testing.assert_allclose(regions["Whole hand"] + regions["Wrist"], 1.0, atol=1e-12)
+    digits = ("Thumb", *(f"{d.capitalize()} finger" for d in DIGITS[1:]))
+    fingers = sum(regions[name] for name in digits[1:])
+    np.testing.assert_allclose(fingers, regions["Fingers"], atol=1e-12)
+    parts = fingers + regions["Thumb"] + regions["Palm"]
+    np.testing.assert_allclose(parts, regions["Whole hand"], atol=1e-12)
+    for digit, name in zip(DIGITS, digits, strict=True):
+        middle = regions[name] @ hand.vertices[:, 0] / regions[name].sum()
+        assert middle == pytest.approx(-SIDES[digit], abs=0.002)
+    assert (regions["Index finger knuckle"] <= regions["Index finger"] + 1e-12).all()

@@ -133,3 +133,22 @@ def test_reach_puts_the_wrist_at_its_target(example):
     wrist = rotations[rig.index["wrist.L"]] @ rig.wrist + translations[rig.index["wrist.L"]]
     arm = rig.upper + rig.fore
     np.testing.assert_allclose(wrist, rig.shoulder + arm * np.array([0.3, -0.6, 0.2]), atol=5e-3)
+
+
+def test_regions_of_the_body_are_on_its_own_sides(example):
+    from humanoid.regions import body_regions
+
+    body = example.load_body()
+    regions = body_regions(body)
+    x, z = body.vertices[:, 0], body.vertices[:, 2]
+    for limb in ("arm", "forearm", "hand", "leg", "lower leg", "foot"):
+        left, right = (regions[f"{side} {limb}"] for side in ("Left", "Right"))
+        assert left @ x > 0 > right @ x
+        both = "Feet" if limb == "foot" else f"{limb.capitalize()}s"
+        np.testing.assert_allclose(left + right, regions[both], atol=1e-12)
+    np.testing.assert_allclose(regions["Whole body"], 1.0)
+    parts = ("Upper body", "Waist", "Hips", "Legs")
+    np.testing.assert_allclose(sum(regions[name] for name in parts), 1.0, atol=1e-12)
+    order = ("Feet", "Upper legs", "Hips", "Chest", "Head")
+    heights = [regions[name] @ z / regions[name].sum() for name in order]
+    assert heights == sorted(heights)

@@ -70,6 +70,26 @@ def test_a_card_says_what_the_model_is(name):
     assert f"{size / 1e6:.1f} MB: float32" in text
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_all_components_of_a_shipped_model_have_names(name):
+    model = load(name)
+    assert set(model.component_names) == set(range(model.components))
+    assert "examples/14_name_components.py" in card(name)
+
+
+@pytest.mark.parametrize("name", ["face", "humanoid"])
+def test_sides_in_names_are_the_own_ones_of_the_body(name):
+    """Face and body have their left at +x."""
+    model = load(name)
+    activations = deformer.Activations(model)
+    x = model.reference.vertices[:, 0]
+    sides = {"Left": 1, "Right": -1}
+    sided = {k: n.split()[0] for k, n in model.component_names.items() if n.split()[0] in sides}
+    assert set(sided.values()) == set(sides)
+    for k, side in sided.items():
+        assert sides[side] * (activations.displacement(k) @ x) > 0, model.label(k)
+
+
 @pytest.mark.parametrize("name", LICENSED)
 def test_the_licence_of_the_data_is_shipped(name):
     text = (MODELS / name / "LICENSE").read_text(encoding="utf-8")

@@ -110,6 +110,23 @@ def test_search_finds_names_numbers_and_regions(app, window, panel):
     assert sorted(shown(panel)) == list(range(6))
 
 
+def test_parts_of_the_body_are_found_by_their_names(app, window, panel):
+    from PySide6.QtCore import Qt
+    from PySide6.QtTest import QTest
+
+    window.editor.open_model("humanoid")
+    wait_for(lambda: panel.rows and window.idle, app.processEvents)
+    parts = {"leg": {"Left lower leg", "Upper legs"}, "arm": {"Right arm", "Left forearm"}}
+    parts |= {"upper ARM": {"Left upper arm"}, "hand": {"Left hand"}, "head": {"Head"}}
+    for typed, some in parts.items():
+        QTest.keyClicks(panel.search, typed)
+        found = {panel.rows[k].name.text() for k in shown(panel)}
+        assert some <= found
+        assert all(word in name.lower() for name in found for word in typed.lower().split())
+        QTest.keyClick(panel.search, Qt.Key.Key_A, Qt.KeyboardModifier.ControlModifier)
+        QTest.keyClick(panel.search, Qt.Key.Key_Delete)
+
+
 def test_a_name_that_looks_like_html_is_shown_as_it_is(app, window, panel):
     from PySide6.QtCore import Qt
 
