@@ -64,25 +64,38 @@ def test_examples_have_pictures_and_a_double_click_starts_from_one(app, window, 
     np.testing.assert_allclose(window.editor.code, first)
 
 
-def test_the_pictures_of_one_theme_are_shown_until_those_of_the_other_are_there(app, window, strip):
-    def shown():
-        """Numbers of colours of the examples in sight; a name alone has few."""
-        found, view = [], strip.examples.viewport()
+def test_the_pictures_of_one_theme_are_shown_until_those_of_the_other_are_there(
+    app, window, strip, monkeypatch
+):
+    from PySide6.QtGui import QColor
+
+    from deformer_app.rendering.palette import DARK, LIGHT
+    from deformer_app.viewer.shape_drawing import ShapeDrawing
+
+    def squares():
+        """Colours in the middle of the pictures in sight."""
+        view, found = strip.examples.viewport(), []
+        image = view.grab().toImage()
         for row in range(strip.examples.count()):
             at = strip.examples.visualItemRect(strip.examples.item(row))
             if view.rect().contains(at):
-                image = view.grab(at).toImage()
-                pixels = [(x, y) for x in range(image.width()) for y in range(image.height())]
-                found.append(len({image.pixel(x, y) for x, y in pixels}))
-        return np.array(found)
+                found.append(image.pixelColor(at.center().x(), at.top() + at.height() // 3).name())
+        return found
 
+    def square(drawing, mesh, vertices, camera, theme):
+        """A picture of one colour, to tell the themes apart whatever draws the shapes."""
+        colour = np.array(QColor(theme.clay).getRgb(), dtype=np.uint8)
+        return np.broadcast_to(colour, (96, 96, 4))
+
+    window.thumbnails._cache.clear()
+    monkeypatch.setattr(ShapeDrawing, "picture", square)
+    strip.examples.viewport().update()
+    wait_for(lambda: set(squares()) == {LIGHT.clay}, app.processEvents)
     rest(app, window)
-    light = shown()
     window.act("dark")
-    waiting = shown()
-    assert window.thumbnails.waiting and (waiting > light / 2).all()
+    assert set(squares()) == {LIGHT.clay} and window.thumbnails.waiting
     rest(app, window)
-    assert not window.thumbnails.waiting and (shown() > light / 2).all()
+    assert set(squares()) == {DARK.clay} and not window.thumbnails.waiting
 
 
 def test_a_pose_is_saved_renamed_deleted_and_brought_back_by_keys(app, window, strip):
