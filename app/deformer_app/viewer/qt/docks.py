@@ -95,6 +95,7 @@ class Docks:
         self._reference = of.editor.state.reference_picture
         self._had_keys = self._played = False
         self._footage = self._reference.footage
+        self._put_away = False  # the dock of the reference picture, until there is one
         self._panels: list[QWidget] = []
         # The long list of components has the height of the window.
         window.setCorner(Qt.Corner.BottomRightCorner, _AREAS["right"])
@@ -113,6 +114,7 @@ class Docks:
         for way, axis in ((Qt.Orientation.Horizontal, 0), (Qt.Orientation.Vertical, 1)):
             window.resizeDocks(self._docks, [entry.size[axis] for entry in DOCKS], way)
         self._timeline.on_change.append(self._open_timeline)
+        self._dock("Reference").toggleViewAction().triggered.connect(self._decided)
 
     @property
     def toggles(self) -> Iterator[QAction]:
@@ -135,17 +137,44 @@ class Docks:
         """Open the dock of the reference picture with every picture that the user loads."""
         before, self._footage = self._footage, self._reference.footage
         if self._footage not in (None, before):
+            self._decided()
             self._open("Reference")
 
+    def _dock(self, title: str) -> QDockWidget:
+        return self._docks[[entry.title for entry in DOCKS].index(title)]
+
     def _open(self, title: str) -> None:
-        dock = self._docks[[entry.title for entry in DOCKS].index(title)]
+        dock = self._dock(title)
         dock.show()
         dock.raise_()
 
+    def _put_reference_away(self) -> None:
+        """Hide the dock of the reference picture while the session has none."""
+        dock = self._dock("Reference")
+        if self._footage is not None:
+            self.bring_back()
+        elif not dock.isHidden():
+            dock.hide()
+            self._put_away = True
+
+    def _decided(self) -> None:
+        """Leave the dock of the reference picture as the user wants it."""
+        self._put_away = False
+
+    def bring_back(self) -> None:
+        """Show what `model_changed` has put away, such as before the layout is stored."""
+        if self._put_away:
+            self._dock("Reference").show()
+        self._put_away = False
+
     def model_changed(self) -> None:
-        """Prepare all panels for another model, whose session may have keys and a picture."""
+        """Prepare all panels for another model, whose session may have keys and a picture.
+
+        A dock of the reference picture that has none to show is put away until there is one.
+        """
         self._had_keys, self._footage = False, self._reference.footage
         self._open_timeline()
+        self._put_reference_away()
         for panel in self._panels:
             cast(Panel, panel).model_changed()
 

@@ -170,6 +170,7 @@ class Window(QMainWindow):
         self.restoreState(docks)
 
     def _note_layout(self) -> None:
+        self.docks.bring_back()
         parts = (self.saveGeometry(), self.pages.layout_state)
         self.settings.note_layout(*(bytes(part.toBase64().data()).decode() for part in parts))
 
@@ -350,6 +351,7 @@ class Window(QMainWindow):
                 self.context_menu.popup(pixel, hover)
             case ModelClosed():
                 self.tour.end()
+                self.docks.bring_back()  # before their layout is kept
                 self.pages.show_start()
             case FrameDrawn():
                 self._show_times()

@@ -1,11 +1,14 @@
 """Docks are wide enough for what they show, at the first start and whatever the user does."""
 
 import pytest
+from PIL import Image
 
 from contrast import contrast
+from deformer_app.viewer.settings import Settings
 from deformer_app.viewer.stage import Hover
 from person import place, rest
 from waiting import wait_for
+from windows import new_window
 
 pytestmark = pytest.mark.window
 pytest.importorskip("PySide6", reason='needs Qt: pip install "deformer[app]"')
@@ -202,3 +205,71 @@ def test_the_timeline_opens_with_the_first_key_and_stays_closed_once_closed(app,
     timeline.seek(5)
     timeline.keys.set()
     assert not dock.isVisible()
+
+
+@pytest.fixture
+def start(app, model_path, tmp_path):
+    """Starts the program on its model or a session; returns if the reference picture's dock is open.
+
+    Every start has the layout that the one before has left.
+    """
+    from PySide6.QtWidgets import QDockWidget
+
+    def run(session=None, use=lambda window, dock: None):
+        settings = Settings(tmp_path / "starts")
+        settings.note_tour()
+        with new_window(app, settings) as window:
+            if session is None:
+                window.begin(str(model_path), None, None)
+            else:
+                window.begin(None, None, None)
+                window.open_session(session)
+            rest(app, window)
+            dock = window.findChild(QDockWidget, "Reference")
+            shown = dock.isVisible()
+            use(window, dock)
+            return shown
+
+    return run
+
+
+@pytest.fixture
+def pictured(app, start, tmp_path):
+    """A session with a reference picture, saved in a first start; its dock was open at the end."""
+    picture, session = tmp_path / "front.png", tmp_path / "work.json"
+    Image.new("RGB", (8, 6)).save(picture)
+
+    def work(window, dock):
+        window.ask_open = lambda *_: picture
+        window.act("reference-picture")
+        wait_for(dock.isVisible, app.processEvents)
+        rest(app, window)
+        window.editor.save_session(session)
+
+    assert not start(use=work)
+    return session
+
+
+@pytest.mark.parametrize("by_start_page", [False, True])
+def test_the_dock_of_the_reference_picture_comes_back_with_one_only(
+    app, start, pictured, by_start_page
+):
+    def leave(window, dock):
+        if by_start_page:
+            window.close_model()
+            rest(app, window)
+
+    assert not start(use=leave), "it has nothing to show"
+    assert not start(use=leave)
+    assert start(pictured, use=lambda window, dock: dock.close())
+    assert not start(pictured), "the user has closed it"
+
+
+def test_a_dock_that_the_user_closes_without_a_picture_stays_closed(start, pictured):
+    def open_and_close(window, dock):
+        dock.toggleViewAction().trigger()
+        assert dock.isVisible()
+        dock.close()
+
+    assert not start(use=open_and_close)
+    assert not start(pictured)
