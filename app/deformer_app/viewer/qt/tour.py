@@ -1,11 +1,12 @@
-"""The tour: a line below the picture whose next step follows when the user has done this one."""
+"""The tour: a line upon the picture whose next step follows when the user has done this one."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from PySide6.QtCore import QTimer
+from PySide6.QtCore import QEvent, QObject, QPoint, QTimer
+from PySide6.QtWidgets import QWidget
 
 from deformer_app.viewer.changes import CameraMoved, Change, HandlesDragged, ModelOpened
 from deformer_app.viewer.editor import Editor
@@ -13,6 +14,7 @@ from deformer_app.viewer.qt.later import later
 from deformer_app.viewer.qt.strip import Strip
 
 _PAUSE = 900  # milliseconds between what the user does and the next step
+_WIDEST, _MARGIN = 660, 12  # pixels of the line, and between it and the picture's edges
 _POLL = 200  # milliseconds between two looks whether the solver is ready
 _WAITING = "The tour begins when the solver is ready. Drag anywhere to look around meanwhile."
 
@@ -51,17 +53,24 @@ _STEPS = (
 class Tour(Strip):
     """The steps of the tour, one at a time; the first waits for a solver that answers to drags.
 
-    A step that the user has done before its turn is left out.
+    A step that the user has done before its turn is left out. The line lies at the picture's lower
+    edge: if the picture gave way to it, the shape would move under the cursor with every step.
 
     Args:
         editor: what the user tries it on.
+        pages: the widget that the picture is in.
+        picture: what the line lies upon.
     """
 
-    def __init__(self, editor: Editor) -> None:
+    def __init__(self, editor: Editor, pages: QWidget, picture: QWidget) -> None:
         """Start hidden."""
         super().__init__("tour", ("Next", self.go_on), ("End tour", self.end), ("Done", self.end))
+        self.setParent(pages)
+        self.hide()
         self.read_html()
-        self._editor = editor
+        self._editor, self._pages, self._picture = editor, pages, picture
+        for widget in (pages, picture):
+            widget.installEventFilter(self)
         self._step: int | None = None  # −1 while the solver is being prepared
         self._done: set[int] = set()
         self._pins: frozenset[int] = frozenset()  # ids of the pins that are there
@@ -116,6 +125,25 @@ class Tour(Strip):
         last = step == len(_STEPS) - 1
         self.show_buttons(*(("Done",) if last else ("Next", "End tour")[step < 0 :]))
         self.show()
+        self._arrange()
+
+    def _arrange(self) -> None:
+        """Put the line in the middle of the picture's lower edge, as high as its text needs."""
+        corner = self._picture.mapTo(self._pages, QPoint(0, self._picture.height()))
+        room = self._picture.width()
+        width = max(min(_WIDEST, room - 2 * _MARGIN), 1)
+        self.resize(width, self.height())  # the buttons may go below the text
+        self.row.activate()
+        height = self.row.totalHeightForWidth(width)
+        x = corner.x() + (room - width) // 2
+        self.setGeometry(x, corner.y() - _MARGIN - height, width, height)
+        self.raise_()
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Stay at the picture's edge as the picture or the window changes its size."""
+        if self.running and event.type() in (QEvent.Type.Resize, QEvent.Type.Move):
+            self._arrange()
+        return super().eventFilter(watched, event)
 
     def _present_pins(self) -> frozenset[int]:
         editor = self._editor

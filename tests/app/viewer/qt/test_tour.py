@@ -42,8 +42,8 @@ def spot(window, share):
 
 
 def beside(window):
-    """A pixel of the picture beside the surface."""
-    return np.array([30.0, window.plotter.height() - 30.0])
+    """A pixel of the picture beside the surface and the tour."""
+    return np.array([30.0, window.plotter.height() - 150.0])
 
 
 def test_the_tour_goes_on_by_what_it_asks_for(app, window, hand, tour):
@@ -114,3 +114,45 @@ def test_the_tour_goes_through_all_steps_by_its_button(app, window, tour):
     assert tour_step(window) == 4
     QTest.mouseClick(tour_buttons(window)["Done"], Qt.MouseButton.LeftButton)
     assert tour.isHidden() and not tour.running
+
+
+@pytest.mark.parametrize("size", [(800, 560), (1280, 700)])
+def test_the_body_stays_under_the_cursor_whatever_the_tour_shows(app, window, size):
+    """Also where the tour's line is drawn: upon the picture, at its lower edge."""
+    from PySide6.QtCore import QPoint, QRect
+
+    def settled():
+        rest(app, window)
+        app.sendPostedEvents()  # what a layout has to do
+        rest(app, window)
+        corner = window.plotter.mapTo(window, QPoint(0, 0))
+        return QRect(corner, window.plotter.size()), spot(window, 0.5).tolist()
+
+    tour = window.tour
+    window.resize(*size)
+    before = settled()
+    tour._show(-1)
+    picture, _ = before
+    while tour.running:
+        assert settled() == before, tour.text
+        at = QRect(tour.mapTo(window, QPoint(0, 0)), tour.size())
+        assert picture.contains(at) and at.bottom() > picture.center().y()
+        assert abs(at.center().x() - picture.center().x()) <= 1
+        beneath = window.childAt(at.center())
+        assert beneath is tour or tour.isAncestorOf(beneath), "nothing lies upon it"
+        tour.go_on()
+    assert tour.isHidden() and settled() == before
+
+
+def test_the_tour_follows_the_picture(app, window, tour):
+    from PySide6.QtCore import QPoint
+
+    def gap():
+        """Pixels below the tour and the picture's lower edge."""
+        low = tour.mapTo(window, QPoint(0, tour.height())).y()
+        return window.plotter.mapTo(window, QPoint(0, window.plotter.height())).y() - low
+
+    before, height = gap(), window.plotter.height()
+    window.resize(window.width(), window.height() - 80)
+    wait_for(lambda: window.plotter.height() < height, app.processEvents)
+    assert 0 <= gap() == before
