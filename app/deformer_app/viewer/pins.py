@@ -56,11 +56,17 @@ class Pins:
     def pin_here(self) -> None:
         """Pin what is under the mouse, a handle or the surface; elsewhere, what is selected."""
         editor, found = self._editor, self._editor.state.hovered
+        if found.vertex is not None and found.handle is None:
+            self.pin_at(found.vertex)
+            return
         if found.handle is not None and found.handle not in editor.handles.selected:
             editor.handles.select([found.handle])
-        elif found.vertex is not None and found.handle is None:
-            editor.handles.place(found.vertex)
         editor.handles.set_kind("pin")
+
+    def pin_at(self, vertex: int) -> None:
+        """Pin the surface at a vertex, or the handle that is there, as a step of the history."""
+        self._editor.handles.place(vertex)
+        self._editor.handles.set_kind("pin")
 
     def resize(self, steps: float, handles: Sequence[Handle] | None = None) -> bool:
         """Make pins larger or smaller, as a step of the history for several in a row.

@@ -47,10 +47,11 @@ class ContextMenu:
             self._add(menu, _ON_HANDLE)
         elif under.vertex is not None:
             vertex = under.vertex
-            for title, icon, kind in (("Place handle", "circle", None), ("Pin here", "pin", "pin")):
-                item = menu.addAction(title)
-                put_icon(item, icon)
-                item.triggered.connect(lambda _=False, k=kind: self._place(vertex, k))
+            for title, icon, run in (
+                ("Place handle", "circle", lambda: self._place(vertex)),
+                ("Pin here", "pin", lambda: editor.pins.pin_at(vertex)),
+            ):
+                put_icon(menu.addAction(title, run), icon)
             menu.addSeparator()
             self._add(menu, _ON_SURFACE)
         else:
@@ -73,12 +74,10 @@ class ContextMenu:
             item.triggered.connect(lambda _=False, n=name: editor.picture.change_look(colour=n))
         return menu
 
-    def _place(self, vertex: int, kind: str | None) -> None:
+    def _place(self, vertex: int) -> None:
         editor = self._shell.editor
         editor.handles.place(vertex)
         editor.commit("Place handle")
-        if kind == "pin":
-            editor.handles.set_kind("pin")
 
     def _add(self, menu: QMenu, ids: tuple[str | None, ...]) -> None:
         for name in ids:

@@ -13,6 +13,7 @@ from deformer_app.viewer.actions import ACTIONS
 from deformer_app.viewer.pose_commands import export_poses, save_pose
 from deformer_app.viewer.session import Session
 from deformer_app.viewer.settings import Settings
+from off_screen_editor import seen
 from person import place, rest
 from shapes import sequence
 from waiting import wait_for
@@ -714,6 +715,22 @@ def test_the_right_button_has_a_menu_for_what_is_under_it(app, window):
     colours["Stretch"].trigger()
     assert window.editor.state.look.colour == "stretch"
     menu.close()
+
+
+@pytest.mark.parametrize("title, label", [("Pin here", "Make pin"), ("Place handle",) * 2])
+def test_an_item_of_the_menu_of_the_surface_is_one_step(app, window, hand, title, label):
+    editor = window.editor
+    hand(seen(editor, 0.6)[1], "click", "3")
+    menu = wait_for(lambda: window.context_menu.shown, app.processEvents)
+    item = next(one for one in menu.actions() if one.text().strip("\u2009") == title)
+    at = menu.mapToGlobal(menu.actionGeometry(item).center())
+    hand(window.plotter.mapFromGlobal(at).toTuple(), "click", "1")
+    wait_for(lambda: editor.edit.handles, app.processEvents)
+    rest(app, window)
+    assert [entry.label for entry in editor.session.entries] == ["Start", label]
+    hand("key", "ctrl+z")
+    wait_for(lambda: not editor.edit.handles, app.processEvents)
+    assert not editor.session.can_undo
 
 
 @pytest.fixture
