@@ -348,7 +348,10 @@ class Editor:
         """Fetch the newest pose, draw changes and continue jobs, without waiting."""
         if self._display is None:
             return
+        moved = not self.state.view.is_sharp
         self._display.tick(self.dragging)
+        if moved and self.state.view.is_sharp:  # camera or pose have come to rest
+            self.controller.look_again()
         for error in self._jobs.step():
             self.announce(MistakeMade.of(error))
 

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from deformer_app.viewer.actions import ACTIONS
+from deformer_app.viewer.model_files import start_codes
+from deformer_app.viewer.stage import Hover
 from off_screen_editor import seen
 from person import rest
 from waiting import wait_for
@@ -89,6 +91,45 @@ def test_the_status_bar_says_what_is_under_a_mouse_that_is_still(app, window, ha
     wait_for(lambda: editor.state.manipulator.mode == "rotate", app.processEvents)
     rest(app, window)
     assert editor.state.hovered.part != "y", "a part of the manipulator that moves"
+
+
+def test_what_is_under_a_still_mouse_is_found_again_after_keys_of_the_view_and_the_pose(
+    app, window, hand
+):
+    rest(app, window)
+    editor, at = window.editor, middle(window)
+    hand(at)
+
+    def under():
+        """The vertex under the mouse, as the picture says, once it is highlighted."""
+        rest(app, window)
+        vertex = editor.stage.vertex_at(np.add(at, 0.5))  # the middle of the pixel
+        assert editor.state.hovered.vertex == vertex and f"Vertex {vertex}:" in window._hint.text()
+        return vertex
+
+    front = under()
+    hand("key", "ctrl+3")  # from the back
+    back = under()
+    assert back != front
+    editor.prior.start_from("Shape 4", start_codes(editor.model)["Shape 4"])
+    bent = under()
+    hand("key", "ctrl+z")
+    assert under() == back != bent
+
+
+def test_what_is_under_a_still_mouse_is_found_again_after_the_wheel(app, window, hand):
+    rest(app, window)
+    editor, at = window.editor, middle(window)
+    while editor.stage.vertex_at(at) is not None:
+        at = np.add(at, (0, -2))
+    at = np.add(at, (0, -12))  # above the tube, of which nothing is near
+    hand(at)
+    rest(app, window)
+    assert editor.state.hovered == Hover()
+    hand(*["click", "5"] * 20)  # away
+    rest(app, window)
+    vertex = editor.stage.vertex_at(np.add(at, 0.5))
+    assert vertex is not None and editor.state.hovered.vertex == vertex
 
 
 def test_a_person_types_a_distance_and_the_keys_do_nothing_else(app, window, hand):
