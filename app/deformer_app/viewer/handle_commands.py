@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -194,17 +194,30 @@ class HandleCommands:
             editor.note(_SELECT)
 
     def _tell_of_move(self, handles: Sequence[Handle]) -> None:
-        """Say so if the surface, which has to go to the targets of handles now, is off them."""
+        """Say how far the surface was off the targets of handles that are exact from now on."""
+        before = self._off(handles)
+        if before > _ON_TARGET:
+            self._editor.run(self._tell_at_rest(self._editor.edit, handles, before))
+
+    def _tell_at_rest(self, edit: Edit, handles: Sequence[Handle], before: float) -> Iterator[None]:
+        """Say how far the surface was and is off once it rests, while the state is `edit`."""
+        editor = self._editor
+        while editor.is_open and editor.edit == edit and not editor.at_rest:
+            yield
+        if editor.is_open and editor.edit == edit and editor.resting_solution is not None:
+            editor.note(
+                f"Exact: the surface was {before:.1%} of the body's size off its target, and is "
+                f"{self._off(handles):.1%} off now"
+            )
+
+    def _off(self, handles: Sequence[Handle]) -> float:
+        """How far the surface is off the targets of handles at most, in bounding diagonals."""
         editor = self._editor
         off = [
             vertex_errors(h.targets, editor.vertices[list(h.vertices)]).max()
             for h in editor.state.acting(handles)
         ]
-        share = float(max(off)) / editor.model.reference.bounding_diagonal
-        if share > _ON_TARGET:
-            editor.note(
-                f"Exact: the surface goes to its target, {share:.1%} of the body's size off"
-            )
+        return float(max(off)) / editor.model.reference.bounding_diagonal
 
     def set_weight(self, weight: float) -> None:
         """Set the weight of the selected handles until `commit`."""
