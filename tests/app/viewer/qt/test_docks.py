@@ -209,7 +209,7 @@ def test_the_timeline_opens_with_the_first_key_and_stays_closed_once_closed(app,
 
 @pytest.fixture
 def start(app, model_path, tmp_path):
-    """Starts the program on its model or a session; returns if the reference picture's dock is open.
+    """Starts the program on its model or a session; returns if the dock Reference is open.
 
     Every start has the layout that the one before has left.
     """
