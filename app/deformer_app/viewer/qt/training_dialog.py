@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import Qt, QTimer, Signal
-from PySide6.QtGui import QHideEvent
 from PySide6.QtWidgets import (
     QDialog,
     QFileDialog,
@@ -306,11 +305,6 @@ class TrainingDialog(QDialog):
         if self._job is not None:
             self._job.wait(_STOPPING)
         return True
-
-    def hideEvent(self, event: QHideEvent) -> None:
-        """Free what draws the picture."""
-        self.up.close_drawing()
-        super().hideEvent(event)
 
     def _cancel_or_close(self) -> None:
         if self._job is None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from PySide6.QtCore import Qt, QTimer
-from PySide6.QtGui import QPixmap
+from PySide6.QtGui import QHideEvent, QPixmap, QShowEvent
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from deformer import InputError, Mesh, load_document
@@ -86,8 +86,17 @@ class UpAxisField(QWidget):
         self._jobs.add(self._load(source))
         self._timer.start(_POLL)
 
-    def close_drawing(self) -> None:
+    def showEvent(self, event: QShowEvent) -> None:
+        """Draw what was chosen while the field was hidden."""
+        super().showEvent(event)
+        self._draw()
+
+    def hideEvent(self, event: QHideEvent) -> None:
         """Free what draws the picture, which stays; it is made again for the next one."""
+        self._close_drawing()
+        super().hideEvent(event)
+
+    def _close_drawing(self) -> None:
         if self._drawing is not None:
             self._drawing.close()
             self._drawing = None
@@ -125,6 +134,8 @@ class UpAxisField(QWidget):
             self.picture.setPixmap(QPixmap())
             self._about.setText(self._without)
             return
+        if not self.isVisible():
+            return  # drawn once it is shown: nobody would free what draws it
         density = self.devicePixelRatioF()
         if self._drawing is None:
             side = SUPERSAMPLING * round(density * (_SIDE - 4))

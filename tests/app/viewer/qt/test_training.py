@@ -248,3 +248,18 @@ def click(button):
     from PySide6.QtTest import QTest
 
     QTest.mouseClick(button, Qt.MouseButton.LeftButton)
+
+
+def test_a_shape_that_is_loaded_while_the_dialog_is_hidden_is_drawn_when_it_is_shown(
+    app, window, tmp_path
+):
+    deformer.save_shapes(tmp_path / "shapes.npz", sequence(3))
+    dialog = window.train()
+    dialog.choose(tmp_path / "shapes.npz")
+    dialog.hide()
+    wait_for(lambda: not dialog.up.looking, app.processEvents)
+    assert dialog.up.picture.pixmap().isNull() and dialog.up._drawing is None
+    dialog.show()
+    wait_for(lambda: not dialog.up.picture.pixmap().isNull(), app.processEvents)
+    dialog.hide()
+    assert dialog.up._drawing is None, "nobody else would free it"
