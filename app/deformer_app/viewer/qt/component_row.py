@@ -6,10 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from PySide6.QtCore import QEvent, QSignalBlocker, QSize, Qt
-from PySide6.QtGui import QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QWheelEvent
+from PySide6.QtCore import QEvent, QSize, Qt
+from PySide6.QtGui import QKeyEvent, QMouseEvent, QPainter, QPaintEvent
 from PySide6.QtWidgets import (
-    QDoubleSpinBox,
     QGridLayout,
     QHBoxLayout,
     QProgressBar,
@@ -23,6 +22,7 @@ from deformer_app.viewer.component_scale import ComponentScale
 from deformer_app.viewer.editor import Editor
 from deformer_app.viewer.qt.component_slider import ComponentSlider
 from deformer_app.viewer.qt.editable_label import EditableLabel
+from deformer_app.viewer.qt.number_field import NumberField
 from deformer_app.viewer.qt.pixmaps import pixmap_of
 from deformer_app.viewer.shape_thumbnails import Subject, Thumbnails
 
@@ -128,8 +128,7 @@ class ComponentRow(QWidget):
         weight = self.scale.weight(float(editor.code[k]))
         self.slider.show_weight(weight, self.scale.weight(float(editor.edit.base[k])))
         if not self.value.being_typed:
-            with QSignalBlocker(self.value):
-                self.value.setValue(weight)
+            self.value.show_value(weight)
         self._colour.setChecked(editor.state.look.colour == f"component:{k}")
 
     def reset(self) -> None:
@@ -181,32 +180,15 @@ class ComponentRow(QWidget):
             super().keyPressEvent(event)
 
 
-class _Number(QDoubleSpinBox):
+class _Number(NumberField):
     """A weight that can be typed."""
 
     def __init__(self) -> None:
-        super().__init__()
-        self.being_typed = False
-        self.setRange(-100.0, 100.0)
-        self.setDecimals(2)
+        super().__init__(-100.0, 100.0, 2)
         self.setSingleStep(0.05)
         self.setProperty("bare", True)  # no arrows
-        self.setKeyboardTracking(False)
         self.setFixedWidth(58)
         self.setAlignment(Qt.AlignmentFlag.AlignRight)
-        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-        self.lineEdit().textEdited.connect(lambda _: self._typing(True))
-        self.editingFinished.connect(lambda: self._typing(False))
-
-    def _typing(self, on: bool) -> None:
-        self.being_typed = on
-
-    def wheelEvent(self, event: QWheelEvent) -> None:
-        """Scroll the list, unless the number has the focus."""
-        if self.hasFocus():
-            super().wheelEvent(event)
-        else:
-            event.ignore()
 
 
 class _Extreme(QWidget):

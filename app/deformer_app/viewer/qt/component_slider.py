@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from PySide6.QtCore import QRectF, Qt
-from PySide6.QtGui import QMouseEvent, QPainter, QPaintEvent, QPalette, QWheelEvent
+from PySide6.QtCore import QRectF
+from PySide6.QtGui import QMouseEvent, QPainter, QPaintEvent, QPalette
 from PySide6.QtWidgets import QStyle, QStyleOptionSlider
 
 from deformer_app.viewer.component_scale import ComponentScale
@@ -31,7 +31,6 @@ class ComponentSlider(Slider):
         super().__init__(lambda position: moved(self._weight(position)), ended)
         self._scale = scale
         self._mean = 0.0
-        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMinimumWidth(60)
         self.show_weight(0.0, 0.0)
 
@@ -55,13 +54,6 @@ class ComponentSlider(Slider):
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         """Go to zero, as a step of the history."""
         self.setValue(STEPS // 2)
-
-    def wheelEvent(self, event: QWheelEvent) -> None:
-        """Scroll the list, unless the slider has the focus."""
-        if self.hasFocus():
-            super().wheelEvent(event)
-        else:
-            event.ignore()
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Draw the range of the examples and the ticks, and the slider over them."""

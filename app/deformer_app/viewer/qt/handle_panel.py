@@ -10,7 +10,6 @@ from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QButtonGroup,
-    QDoubleSpinBox,
     QFormLayout,
     QHBoxLayout,
     QLabel,
@@ -26,6 +25,7 @@ from deformer_app.viewer.changes import MistakeMade
 from deformer_app.viewer.edit import KINDS, Handle, Kind
 from deformer_app.viewer.editor import Editor
 from deformer_app.viewer.qt.handle_table import HandleTable
+from deformer_app.viewer.qt.number_field import NumberField
 from deformer_app.viewer.qt.slider import Slider, geometric, geometric_position
 
 _WEIGHTS = (0.05, 50.0)
@@ -57,16 +57,13 @@ class HandlePanel(QWidget):
             row.addWidget(button)
         self._weight = Slider(self._set_weight, lambda: editor.commit("Weight"))
         self._weight.setToolTip("How much a soft handle counts")
-        self.coordinates = [QDoubleSpinBox() for _ in range(3)]
+        self.coordinates = [NumberField(-1e9, 1e9, 4) for _ in range(3)]
         numbers = QHBoxLayout()
         for axis, box in zip("xyz", self.coordinates, strict=True):
-            box.setRange(-1e9, 1e9)
-            box.setDecimals(4)
             box.setPrefix(f"{axis} ")
             box.setSpecialValueText(" ")
             box.setProperty("bare", True)  # no arrows
             box.setMinimumWidth(64)
-            box.setKeyboardTracking(False)
             box.valueChanged.connect(self._move)
             numbers.addWidget(box)
         layout = QVBoxLayout(self)
@@ -164,17 +161,15 @@ class HandlePanel(QWidget):
             self._kinds.button(n).setChecked(kinds == {kind})
         if not chosen:
             for box in self.coordinates:
-                with QSignalBlocker(box):
-                    box.setValue(box.minimum())  # is shown as nothing
+                box.show_value(box.minimum())  # is shown as nothing
             return
         self._weight.show_position(geometric_position(chosen[0].weight, *_WEIGHTS))
         self._weight.setEnabled("soft" in kinds)
         centre = np.mean([handle.centre for handle in chosen], axis=0)
         for box, value in zip(self.coordinates, centre, strict=True):
             box.setSingleStep(0.002 * diagonal)
-            if editor.dragging or not box.lineEdit().isModified():  # else the user is typing
-                with QSignalBlocker(box):
-                    box.setValue(float(value))
+            if editor.dragging or not box.being_typed:
+                box.show_value(float(value))
 
     def _fill_table(self, handles: Sequence[Handle], diagonal: float) -> None:
         editor, answer = self._editor, self._editor.answer

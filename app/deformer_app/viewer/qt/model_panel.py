@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any, cast
 
-from PySide6.QtCore import QSignalBlocker, Qt
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
-    QDoubleSpinBox,
     QFormLayout,
     QHBoxLayout,
     QLabel,
@@ -22,6 +21,7 @@ from deformer_app.viewer.component_names import component_title
 from deformer_app.viewer.edit import BODIES, NOISE, Body
 from deformer_app.viewer.editor import Editor
 from deformer_app.viewer.pose_worker import Answer
+from deformer_app.viewer.qt.number_field import NumberField
 from deformer_app.viewer.qt.slider import Slider, geometric, geometric_position
 
 _STRENGTHS = (0.1, 10.0)  # of the prior, in multiples of the default noise, from loose to firm
@@ -72,13 +72,10 @@ class ModelPanel(QWidget):
         self._ghost.activated.connect(
             lambda n: editor.picture.change_look(ghost=self._ghost.itemData(n))
         )
-        self._floor, self._height = QCheckBox(), QDoubleSpinBox()
+        self._floor, self._height = QCheckBox(), NumberField(-1e9, 1e9, 4)
         self._floor.setToolTip("A plane where the examples stand, which no part passes")
         self._floor.clicked.connect(lambda _: editor.floor.switch())
-        self._height.setRange(-1e9, 1e9)
-        self._height.setDecimals(4)
         self._height.setMinimumWidth(90)  # Qt's is that of the largest height
-        self._height.setKeyboardTracking(False)
         self._height.setToolTip("Height of the floor along the model's up axis")
         self._height.valueChanged.connect(editor.floor.set_height)
         floor = QHBoxLayout()
@@ -122,9 +119,8 @@ class ModelPanel(QWidget):
         self._floor.setChecked(height is not None)
         self._height.setEnabled(height is not None)
         self._height.setSingleStep(0.005 * size)
-        if height is not None and not self._height.hasFocus():  # else the user is typing
-            with QSignalBlocker(self._height):
-                self._height.setValue(height)
+        if height is not None and not self._height.being_typed:
+            self._height.show_value(height)
 
     def refresh(self) -> None:
         """Show the current state."""

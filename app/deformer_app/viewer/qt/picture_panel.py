@@ -6,10 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QSignalBlocker
 from PySide6.QtWidgets import (
     QCheckBox,
-    QDoubleSpinBox,
     QFormLayout,
     QHBoxLayout,
     QLabel,
@@ -20,6 +18,7 @@ from PySide6.QtWidgets import (
 from deformer_app.rendering.footage import PICTURES, VIDEOS
 from deformer_app.viewer.editor import Editor
 from deformer_app.viewer.qt.file_dialogs import FileDialogs
+from deformer_app.viewer.qt.number_field import NumberField
 from deformer_app.viewer.qt.slider import STEPS, Slider
 
 _FILES = f"Pictures and videos ({' '.join(f'*{suffix}' for suffix in PICTURES + VIDEOS)})"
@@ -84,10 +83,8 @@ class PicturePanel(QWidget):
         for label, field in rows:
             form.addRow(label, field)
 
-    def _number(self, least: float, most: float, about: str) -> QDoubleSpinBox:
-        box = QDoubleSpinBox()
-        box.setRange(least, most)
-        box.setDecimals(3)
+    def _number(self, least: float, most: float, about: str) -> NumberField:
+        box = NumberField(least, most, 3)
         box.setSingleStep(0.02)
         box.setToolTip(about)
         box.setMinimumWidth(60)
@@ -133,9 +130,8 @@ class PicturePanel(QWidget):
         self._name.setToolTip("" if footage is None else footage.path)
         self.opacity.show_position(STEPS * placement.opacity)
         for name, box in self.numbers.items():
-            if not box.hasFocus():
-                with QSignalBlocker(box):
-                    box.setValue(getattr(placement, name))
+            if not box.being_typed:
+                box.show_value(getattr(placement, name))
         self.in_front.setChecked(placement.in_front)
         moving = footage is not None and footage.count > 1
         self.time.setEnabled(moving)

@@ -10,7 +10,6 @@ from PySide6.QtGui import QResizeEvent, QWheelEvent
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
-    QDoubleSpinBox,
     QHBoxLayout,
     QLabel,
     QProgressBar,
@@ -24,6 +23,7 @@ from PySide6.QtWidgets import (
 from deformer_app.viewer.editor import Editor
 from deformer_app.viewer.qt.horizontal_scroll import HorizontalScroll
 from deformer_app.viewer.qt.icons import put_icon
+from deformer_app.viewer.qt.number_field import NumberField
 from deformer_app.viewer.qt.onion_button import OnionButton
 from deformer_app.viewer.qt.timeline_rows import ROW, TimelineRows, WholeRows
 from deformer_app.viewer.qt.timeline_ruler import LABELS, TimelineRuler
@@ -95,11 +95,8 @@ class TimelinePanel(QWidget):
                                    "playhead  Shift+K", timeline.keys.delete)  # fmt: skip
         self.auto = self._check(row, "Auto-key", "Once there are keys, every change of a handle or "
                                 "slider sets one at the playhead", self._set_auto)  # fmt: skip
-        self.smoothness = QDoubleSpinBox()
-        self.smoothness.setRange(0.0, 1000.0)
-        self.smoothness.setDecimals(0)
+        self.smoothness = NumberField(0.0, 1000.0, 0)
         self.smoothness.setFixedWidth(_NUMBER)
-        self.smoothness.setKeyboardTracking(False)
         self.smoothness.setToolTip("Smoothness of the fit: 0 keeps every key's pose; 10 and more "
                                    "lessens the jitter of markers")  # fmt: skip
         self.smoothness.valueChanged.connect(lambda v: timeline.set_clip(smoothness=float(v)))
@@ -207,8 +204,8 @@ class TimelinePanel(QWidget):
             if box.value() != value:
                 with QSignalBlocker(box):
                     box.setValue(value)
-        with QSignalBlocker(self.smoothness):
-            self.smoothness.setValue(clip.smoothness)
+        if not self.smoothness.being_typed:
+            self.smoothness.show_value(clip.smoothness)
         self.rate.setCurrentIndex(RATES.index(clip.fps))
         for check, on in ((self.loop, timeline.loop), (self.auto, timeline.auto_key)):
             with QSignalBlocker(check):

@@ -54,6 +54,7 @@ from deformer_app.viewer.qt.picture import Picture
 from deformer_app.viewer.qt.recordings import Recordings
 from deformer_app.viewer.qt.session_files import SessionFiles
 from deformer_app.viewer.qt.start_page import StartPage
+from deformer_app.viewer.qt.still_wheel import StillWheel
 from deformer_app.viewer.qt.surroundings import Surroundings
 from deformer_app.viewer.qt.theme_choice import ThemeChoice
 from deformer_app.viewer.qt.tour import Tour
@@ -128,6 +129,7 @@ class Window(QMainWindow):
         self.plotter.setMinimumSize(*_SMALLEST)
         self.plotter.takes_numbers = lambda: self.editor.controller.takes_numbers
         OwnKeys(self)
+        StillWheel(self)
         FieldFocus(self, self.plotter)
         self.thumbnails = Thumbnails(self.editor, density=self.plotter.devicePixelRatioF())
         column = QVBoxLayout(centre)

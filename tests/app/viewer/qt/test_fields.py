@@ -1,0 +1,121 @@
+"""Fields of numbers, lists and sliders under a real mouse and real keys."""
+
+import pytest
+
+from person import place, rest
+
+pytestmark = pytest.mark.window
+pytest.importorskip("PySide6", reason='needs Qt: pip install "deformer[app]"')
+pytest.importorskip("pyvistaqt", reason='needs pyvistaqt: pip install "deformer[app]"')
+
+
+@pytest.fixture
+def at_work(app, window):
+    """The window with a floor, a selected handle with a key, and all docks."""
+    from PySide6.QtWidgets import QDockWidget
+
+    window.editor.floor.set_height(-5.0)
+    place(window, 0)
+    window.editor.timeline.keys.set()
+    for dock in window.findChildren(QDockWidget):
+        dock.show()
+    rest(app, window)
+    return window
+
+
+def over(widget):
+    """Words for xdotool: the mouse to the middle of a widget."""
+    at = widget.mapToGlobal(widget.rect().center())
+    return "mousemove", str(at.x()), str(at.y())
+
+
+def height_field(window):
+    from PySide6.QtWidgets import QDoubleSpinBox
+
+    from deformer_app.viewer.qt.model_panel import ModelPanel
+
+    return window.docks.panel(ModelPanel).findChild(QDoubleSpinBox)
+
+
+def within_reach(window):
+    """Fields, lists and sliders that the mouse can be over."""
+    from PySide6.QtWidgets import QAbstractSpinBox, QComboBox, QSlider
+
+    return [
+        widget
+        for kind in (QAbstractSpinBox, QComboBox, QSlider)
+        for widget in window.findChildren(kind)
+        if widget.isEnabled() and widget.visibleRegion().contains(widget.rect().center())
+    ]
+
+
+def value_of(widget):
+    from PySide6.QtWidgets import QComboBox
+
+    return widget.currentIndex() if isinstance(widget, QComboBox) else widget.value()
+
+
+def test_the_wheel_changes_nothing_that_it_only_passes(app, at_work, hand):
+    entries, widgets = len(at_work.editor.session.entries), within_reach(at_work)
+    before = [value_of(widget) for widget in widgets]
+    kinds = {type(widget).__name__ for widget in widgets}
+    assert kinds >= {"NumberField", "QSpinBox", "QComboBox", "Slider", "ComponentSlider"}
+    for widget in widgets:
+        hand(*over(widget), "click", "4", "click", "5", "click", "5")
+        assert not widget.hasFocus()
+    rest(app, at_work)
+    assert len(at_work.editor.session.entries) == entries
+    assert [value_of(widget) for widget in widgets] == before
+
+
+def test_the_wheel_changes_a_field_that_has_been_clicked(app, at_work, hand):
+    field = height_field(at_work)
+    hand(*over(field), "click", "1", "click", "4")
+    rest(app, at_work)
+    assert at_work.editor.floor.height > -5.0
+
+
+@pytest.mark.parametrize("typed", ["-3.25", "-3,25"])
+def test_a_point_and_a_comma_begin_the_fraction(app, at_work, hand, typed):
+    field = height_field(at_work)
+    hand(*over(field), "click", "1", "key", "ctrl+a", "type", "--", typed)
+    assert field.text() == "-3.25" and at_work.editor.floor.height == -5.0
+    hand("key", "Return")
+    rest(app, at_work)
+    assert at_work.editor.floor.height == -3.25
+
+
+def test_fields_show_the_same_numbers_in_every_country(app):
+    from PySide6.QtCore import QLocale
+
+    from deformer_app.viewer.qt.number_field import NumberField
+
+    before = QLocale()
+    QLocale.setDefault(QLocale("de_DE"))
+    try:
+        field = NumberField(-10.0, 10.0, 2)
+        field.setValue(0.5)
+        assert field.text() == "0.50"
+        assert field.valueFromText("0.5") == field.valueFromText("0,5") == 0.5
+    finally:
+        QLocale.setDefault(before)
+
+
+def test_undo_reaches_the_session_from_a_field_in_which_nothing_is_typed(app, at_work, hand):
+    field, floor = height_field(at_work), at_work.editor.floor
+    hand(*over(field), "click", "1", "key", "Up")
+    rest(app, at_work)
+    raised = floor.height
+    assert field.hasFocus() and raised > -5.0
+    for key, height in (("ctrl+z", -5.0), ("ctrl+shift+z", raised)):
+        hand("key", key)
+        rest(app, at_work)
+        assert floor.height == field.value() == height
+
+
+def test_undo_takes_back_what_is_being_typed(app, at_work, hand):
+    field = height_field(at_work)
+    hand(*over(field), "click", "1", "key", "ctrl+a", "type", "7")
+    entry = at_work.editor.session.cursor
+    hand("key", "ctrl+z")
+    assert field.text() == "-5.0000" and at_work.editor.session.cursor == entry
