@@ -34,7 +34,7 @@ class TypedNumbers:
     def texts(self) -> list[str]:
         """What has been typed, with a caret where the next key goes."""
         return [
-            (text or "0") + "▏" * (n == self._at and self.begun)
+            (text or "0") + "|" * (n == self._at and self.begun)
             for n, text in enumerate(self._texts)
         ]
 

@@ -26,7 +26,7 @@ def test_how_far_it_moves_is_shown_and_typed_numbers_are_exact(editor):
     assert label(editor) == f"Y  {moved[1]:.4g} units" and moved[1] > 0.01
     for key in ("minus", "period", "2", "5"):
         press_key(editor, key)
-    assert label(editor) == "Y  -.25▏ units"
+    assert label(editor) == "Y  -.25| units"
     event(editor, "MouseMove", np.add(at, (0, -60)))  # the mouse has no say meanwhile
     np.testing.assert_allclose(
         editor.edit.handles[0].centre, np.add(before.centre, (0, -0.25, 0)), atol=1e-12

@@ -1,7 +1,12 @@
 """Numbers typed while the manipulator moves."""
 
+import numpy as np
 import pytest
+import pyvista as pv
 
+from deformer_app.rendering.offscreen import off_screen
+from deformer_app.rendering.palette import LIGHT
+from deformer_app.viewer.cursor_label import CursorLabel
 from deformer_app.viewer.typed_numbers import TypedNumbers
 
 
@@ -40,3 +45,21 @@ def test_other_keys_are_left(key):
     typed = TypedNumbers(1)
     typed.take("4")
     assert not typed.take(key) and typed.values == [4.0]
+
+
+def test_the_label_beside_the_cursor_shows_where_the_next_key_goes():
+    numbers = TypedNumbers(2)
+    numbers.take("5")
+    with off_screen():
+        plotter = pv.Plotter(off_screen=True, window_size=[300, 60])
+        plotter.set_background("white")
+        label = CursorLabel(plotter.renderer)
+        label.set_theme(LIGHT)
+        seen = []
+        for texts in (["5", "0"], numbers.texts):
+            label.show((10.0, 30.0), "   ".join(texts), (300, 60), 1.0)
+            plotter.render()
+            brightness = np.asarray(plotter.screenshot(return_img=True)).mean(axis=2)
+            seen.append(int((brightness < 128).sum()))  # letters, without their background
+        plotter.close()
+    assert seen[1] > seen[0] > 0
