@@ -11,8 +11,12 @@ from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper, vtkPropAsse
 
 import deformer
 from deformer_app.rendering.palette import Theme, Tint, rgb
+from deformer_app.viewer.depth_offset import offset_depth
 
 OPACITY = 0.28  # of a ghost alone in the picture
+# Offset of a ghost's depth, about 0.3 % of the size of a body that fills the picture: where it
+# nearly lies on the surface, it is behind it. Else it would tint the surface in speckles.
+_BEHIND = 2.0, 0.15
 
 
 class Ghosts:
@@ -104,6 +108,7 @@ class _Ghost:
         self._data.SetPoints(vtkPoints())
         self._data.SetPolys(cells)
         mapper.SetInputData(self._data)
+        offset_depth(mapper, *_BEHIND)
         self.actor.SetMapper(mapper)
         self.actor.PickableOff()
         # Even an opaque one comes after the surface, and before the handles.

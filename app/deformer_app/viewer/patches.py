@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
-from vtkmodules.vtkRenderingCore import vtkMapper
 
 from deformer_app.rendering.palette import rgb
+from deformer_app.viewer.depth_offset import offset_depth
 
 
 @dataclass(frozen=True)
@@ -85,22 +85,9 @@ class Patches:
             render=False,
             reset_camera=False,
         )
-        _draw_in_front(actor.mapper)
+        offset_depth(actor.mapper, -2.0, -2.0)  # it has the depth of the surface's
 
     def move(self, points: NDArray) -> None:
         """Follow the surface to points (V, 3)."""
         if self._mesh is not None:
             self._mesh.points = points
-
-
-def _draw_in_front(mapper: vtkMapper) -> None:
-    """Have a mapper's faces win against those of others at the same depth.
-
-    VTK has one mode for all mappers of the process, which comes with offsets for all of them: with
-    its own, balls behind the surface would be seen. They are zero here but for this mapper's.
-    """
-    mapper.SetResolveCoincidentTopologyToPolygonOffset()
-    mapper.SetResolveCoincidentTopologyPolygonOffsetParameters(0.0, 0.0)
-    mapper.SetResolveCoincidentTopologyLineOffsetParameters(0.0, 0.0)
-    mapper.SetResolveCoincidentTopologyPointOffsetParameter(0.0)
-    mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(-2.0, -2.0)

@@ -79,6 +79,17 @@ def test_the_surface_hides_a_handle_and_what_is_behind_it_of_a_ghost(view, sharp
     assert np.abs(both[around] - alone[around]).max() > 20
 
 
+@pytest.mark.parametrize("sharp", [False, True])
+def test_a_ghost_that_hardly_leaves_the_surface_does_not_speckle_it(view, sharp):
+    alone = drawn(view, sharp)
+    tilted = 0.5 * SQUARE
+    tilted[:, 2] = 1e-3 * np.sign(SQUARE[:, 0])  # one half of it is before the surface
+    view.ghosts.show("one", tilted, "earlier", 0.5)
+    assert np.abs(drawn(view, sharp)[60:140, 60:140] - alone[60:140, 60:140]).max() <= 2
+    view.ghosts.show("one", tilted + np.array([0, 0, 0.1]), "earlier", 0.5)
+    assert np.abs(drawn(view, sharp)[MIDDLE] - alone[MIDDLE]).max() > 20
+
+
 def test_ghosts_are_shown_moved_hidden_and_cleared_by_their_names(view):
     empty = drawn(view)
     view.ghosts.show("one", NEARER)
