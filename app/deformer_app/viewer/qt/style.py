@@ -107,7 +107,7 @@ QProgressBar::chunk {{ border-radius: 3px; background: {accent}; }}
 
 QTableView {{ background: {base}; alternate-background-color: {alternate}; gridline-color: {line};
     border: 1px solid {line}; border-radius: 5px; }}
-QTableView:focus, QListView:focus, QScrollArea:focus {{ border: 2px solid {accent}; }}
+QTableView:focus, QListView:focus {{ border: 2px solid {accent}; }}
 QTableView::item {{ padding: 2px 6px; }}
 QTableView::item:selected {{ background: {accent}; color: {upon}; }}
 QHeaderView::section {{ background: {window}; color: {muted}; border: none;

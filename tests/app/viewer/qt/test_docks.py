@@ -273,3 +273,20 @@ def test_a_dock_that_the_user_closes_without_a_picture_stays_closed(start, pictu
 
     assert not start(use=open_and_close)
     assert not start(pictured)
+
+
+def test_a_click_between_fields_draws_no_ring_around_the_panel(app, window, hand):
+    """The ring of a whole panel was covered by its contents, but for the edges."""
+    from PySide6.QtCore import Qt
+    from PySide6.QtWidgets import QScrollArea
+
+    window.editor.timeline.keys.set()
+    rest(app, window)
+    areas = [area for area in window.findChildren(QScrollArea) if area.isVisible()]
+    assert len(areas) > 3
+    for area in areas:
+        window.plotter.setFocus()
+        before = area.grab().toImage()
+        area.setFocus(Qt.FocusReason.MouseFocusReason)
+        assert area.hasFocus() and area.grab().toImage() == before
+    assert not any(area.focusPolicy() & Qt.FocusPolicy.TabFocus for area in areas)
