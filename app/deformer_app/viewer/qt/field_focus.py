@@ -9,8 +9,10 @@ from PySide6.QtWidgets import (
     QAbstractItemView,
     QAbstractSpinBox,
     QApplication,
+    QDoubleSpinBox,
     QLineEdit,
     QMainWindow,
+    QSpinBox,
     QWidget,
 )
 from shiboken6 import isValid
@@ -21,7 +23,8 @@ _LEAVE = (Qt.Key.Key_Return, Qt.Key.Key_Enter, Qt.Key.Key_Escape)
 class FieldFocus(QObject):
     """Moves the focus to the picture from a field after Enter or Esc, from a button after a click.
 
-    Letters, digits and the space bar are keys of actions again then. Fields of dialogs and the
+    Letters, digits and the space bar are keys of actions again then. Esc drops the number that is
+    being typed. Fields of dialogs and the
     editors of lists keep their own ways; a button that Tab has led to keeps the space bar.
 
     Args:
@@ -47,6 +50,8 @@ class FieldFocus(QObject):
             and isinstance(watched, (QAbstractSpinBox, QLineEdit))
             and self._is_ours(watched)
         ):
+            if event.key() == Qt.Key.Key_Escape and isinstance(watched, (QSpinBox, QDoubleSpinBox)):
+                watched.setValue(watched.value())  # in place of what has been typed
             self._picture.setFocus()
         if (
             event.type() == QEvent.Type.MouseButtonRelease

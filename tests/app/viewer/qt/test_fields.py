@@ -29,6 +29,12 @@ def over(widget):
     return "mousemove", str(at.x()), str(at.y())
 
 
+def length_field(window):
+    from deformer_app.viewer.qt.timeline_panel import TimelinePanel
+
+    return window.docks.panel(TimelinePanel).length
+
+
 def height_field(window):
     from PySide6.QtWidgets import QDoubleSpinBox
 
@@ -119,3 +125,15 @@ def test_undo_takes_back_what_is_being_typed(app, at_work, hand):
     entry = at_work.editor.session.cursor
     hand("key", "ctrl+z")
     assert field.text() == "-5.0000" and at_work.editor.session.cursor == entry
+
+
+@pytest.mark.parametrize("field_of", [height_field, length_field])
+def test_esc_drops_the_number_that_is_being_typed(app, at_work, hand, field_of):
+    field, entry = field_of(at_work), at_work.editor.session.cursor
+    before = field.text()
+    hand(*over(field), "click", "1", "key", "ctrl+a", "type", "7")
+    assert field.text() == "7"
+    hand("key", "Escape")
+    rest(app, at_work)
+    assert at_work.plotter.hasFocus()
+    assert field.text() == before and at_work.editor.session.cursor == entry
