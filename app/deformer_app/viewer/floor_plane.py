@@ -54,6 +54,11 @@ class FloorPlane:
         self._own = height
         self._set(height)
 
+    def slide(self, height: float) -> None:
+        """Show the floor at a height along the model's up axis until `commit` of the editor."""
+        self._own = height
+        self._editor.show_edit(replace(self._editor.edit, floor=height))
+
     def _find(self) -> Iterator[None]:
         """Measure the examples on a thread: decoding them takes a second on a large mesh."""
         editor, model = self._editor, self._editor.model

@@ -86,7 +86,8 @@ class ComponentRow(QWidget):
         self.slider.setToolTip("0 is the reference; double click goes there")
         self.value = _Number()
         self.value.setToolTip("0 is the reference, 1 the extreme among the examples")
-        self.value.valueChanged.connect(self._type)
+        self.value.valueChanged.connect(self._slide)
+        self.value.settled.connect(self._commit)
         reset = _button("↺", "Back to the reference's value")
         reset.clicked.connect(self.reset)
         self.extremes = tuple(
@@ -141,10 +142,6 @@ class ComponentRow(QWidget):
 
     def _commit(self) -> None:
         self._editor.commit(component_title(self._editor.model, self.component))
-
-    def _type(self, weight: float) -> None:
-        self._slide(weight)
-        self._commit()
 
     def _go_to(self, weight: float) -> None:
         self._slide(weight)

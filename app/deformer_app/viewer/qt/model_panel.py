@@ -77,7 +77,8 @@ class ModelPanel(QWidget):
         self._floor.clicked.connect(lambda _: editor.floor.switch())
         self._height.setMinimumWidth(90)  # Qt's is that of the largest height
         self._height.setToolTip("Height of the floor along the model's up axis")
-        self._height.valueChanged.connect(editor.floor.set_height)
+        self._height.valueChanged.connect(editor.floor.slide)
+        self._height.settled.connect(lambda: editor.commit("Floor"))
         floor = QHBoxLayout()
         floor.addWidget(self._floor)
         floor.addWidget(self._height, 1)

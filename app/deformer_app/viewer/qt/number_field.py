@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import cast
 
-from PySide6.QtCore import QLocale, QSignalBlocker
+from PySide6.QtCore import QLocale, QSignalBlocker, Qt, Signal
+from PySide6.QtGui import QKeyEvent, QMouseEvent
 from PySide6.QtWidgets import QDoubleSpinBox
+
+_STEPS = (Qt.Key.Key_Up, Qt.Key.Key_Down, Qt.Key.Key_PageUp, Qt.Key.Key_PageDown)
 
 
 class NumberField(QDoubleSpinBox):
@@ -17,7 +20,13 @@ class NumberField(QDoubleSpinBox):
     Args:
         least, most: smallest and largest value.
         decimals: digits after the point.
+
+    Attributes:
+        settled: signal after a number that has been typed, and after the steps of an arrow or a key
+            once it is let go of; `valueChanged` is for each step.
     """
+
+    settled = Signal()
 
     def __init__(self, least: float, most: float, decimals: int) -> None:
         """Start at 0, or at the nearest value to it."""
@@ -26,7 +35,9 @@ class NumberField(QDoubleSpinBox):
         self.setRange(least, most)
         self.setDecimals(decimals)
         self.setKeyboardTracking(False)  # the value changes once all of it has been typed
-        self.editingFinished.connect(lambda: self.lineEdit().setModified(False))
+        self._held = self._changed = False
+        self.valueChanged.connect(self._note)
+        self.editingFinished.connect(self._settle)
 
     @property
     def being_typed(self) -> bool:
@@ -37,6 +48,42 @@ class NumberField(QDoubleSpinBox):
         """Show a value without a signal."""
         with QSignalBlocker(self):
             self.setValue(value)
+
+    def _note(self) -> None:
+        self._changed = True
+
+    def _settle(self) -> None:
+        changed, self._held, self._changed = self._changed, False, False
+        self.lineEdit().setModified(False)
+        if changed:
+            self.settled.emit()
+
+    def stepBy(self, steps: int) -> None:
+        """Go on by steps."""
+        super().stepBy(steps)
+        if not self._held:  # the wheel
+            self._settle()
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        """Hold an arrow."""
+        self._held = True
+        super().mousePressEvent(event)
+
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        """Let go of an arrow."""
+        super().mouseReleaseEvent(event)
+        self._settle()
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Hold a key that steps, or type."""
+        self._held = self._held or event.key() in _STEPS
+        super().keyPressEvent(event)
+
+    def keyReleaseEvent(self, event: QKeyEvent) -> None:
+        """Let go of a key that steps."""
+        super().keyReleaseEvent(event)
+        if event.key() in _STEPS and not event.isAutoRepeat():
+            self._settle()
 
     def validate(self, input: str, pos: int) -> object:
         """Turn commas into points."""

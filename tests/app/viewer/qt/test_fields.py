@@ -3,6 +3,7 @@
 import pytest
 
 from person import place, rest
+from waiting import wait_for
 
 pytestmark = pytest.mark.window
 pytest.importorskip("PySide6", reason='needs Qt: pip install "deformer[app]"')
@@ -33,6 +34,14 @@ def length_field(window):
     from deformer_app.viewer.qt.timeline_panel import TimelinePanel
 
     return window.docks.panel(TimelinePanel).length
+
+
+def weight_field(window):
+    from deformer_app.viewer.qt.component_panel import ComponentPanel
+    from deformer_app.viewer.qt.number_field import NumberField
+
+    panel = window.docks.panel(ComponentPanel)
+    return next(f for f in panel.findChildren(NumberField) if not f.visibleRegion().isEmpty())
 
 
 def height_field(window):
@@ -137,3 +146,30 @@ def test_esc_drops_the_number_that_is_being_typed(app, at_work, hand, field_of):
     rest(app, at_work)
     assert at_work.plotter.hasFocus()
     assert field.text() == before and at_work.editor.session.cursor == entry
+
+
+@pytest.mark.parametrize("field_of", [height_field, weight_field])
+def test_a_key_that_is_held_makes_one_step_of_the_history(app, at_work, hand, field_of):
+    field, editor = field_of(at_work), at_work.editor
+    entries, start = len(editor.session.entries), field.value()
+    hand(*over(field), "click", "1", "keydown", "Up")
+    wait_for(lambda: field.value() > start + 3.5 * field.singleStep(), app.processEvents)
+    assert len(editor.session.entries) == entries
+    hand("keyup", "Up")
+    rest(app, at_work)
+    assert len(editor.session.entries) == entries + 1
+    hand("key", "ctrl+z")
+    rest(app, at_work)
+    assert field.value() == start
+
+
+def test_an_arrow_that_is_held_makes_one_step_of_the_history(app, at_work, hand):
+    field, editor = height_field(at_work), at_work.editor
+    entries, start = len(editor.session.entries), field.value()
+    arrow = field.mapToGlobal(field.rect().topRight())
+    hand("mousemove", str(arrow.x() - 8), str(arrow.y() + 7), "mousedown", "1")
+    wait_for(lambda: field.value() > start + 2.5 * field.singleStep(), app.processEvents)
+    assert editor.floor.height == field.value() and len(editor.session.entries) == entries
+    hand("mouseup", "1")
+    rest(app, at_work)
+    assert len(editor.session.entries) == entries + 1
