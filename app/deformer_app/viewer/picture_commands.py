@@ -58,6 +58,16 @@ class PictureCommands:
         """
         self._editor.state.target = Target.load(path, self._editor.model.reference)
         self.change_look(ghost="target", colour="error")
+        self._editor.touch()
+
+    def open_reference(self, path: str | Path) -> None:
+        """Show a picture, a folder of pictures or a video to pose by; the session keeps its path.
+
+        Raises:
+            InputError: see `ReferencePicture.open`.
+        """
+        self._editor.state.reference_picture.open(path)
+        self._editor.touch()
 
     def preview(self, component: int | None) -> None:
         """Colour the surface by the support of a component, or as before."""

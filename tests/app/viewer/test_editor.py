@@ -487,7 +487,9 @@ def test_starting_from_training_shapes_and_meshes(editor, tmp_path):
 def test_a_target_gives_errors_and_e_rms(editor, tmp_path):
     target = sequence().vertices[4]
     io.save_mesh(tmp_path / "t.ply", deformer.Mesh(target, editor.model.reference.faces))
+    editor.session.save(tmp_path / "before.json")
     editor.picture.load_target(tmp_path / "t.ply")
+    assert editor.session.changed, "the session has the target's path, too"
     finish(editor)
     expected = deformer.e_rms(target, editor.vertices, "none")
     assert editor.answer.error == pytest.approx(expected)

@@ -44,7 +44,7 @@ def _export_script(shell: Shell) -> None:
 def _open_reference(shell: Shell) -> None:
     endings = " ".join(f"*{suffix}" for suffix in PICTURES + VIDEOS)
     path = shell.ask_open("Reference picture", f"Pictures and videos ({endings})")
-    unless_cancelled(path, shell.editor.state.reference_picture.open)
+    unless_cancelled(path, shell.editor.picture.open_reference)
 
 
 def _load_handles(shell: Shell) -> None:

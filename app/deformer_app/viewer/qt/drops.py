@@ -74,7 +74,7 @@ class Drops(QObject):
         elif kind == "poses":
             import_poses(shell.editor, path)
         elif kind == "picture":
-            shell.editor.state.reference_picture.open(path)
+            shell.editor.picture.open_reference(path)
         else:
             self._ask_use(path)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 from PySide6.QtCore import QEvent, QObject, Qt, QTimer
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import (
@@ -50,8 +52,8 @@ class FieldFocus(QObject):
             and isinstance(watched, (QAbstractSpinBox, QLineEdit))
             and self._is_ours(watched)
         ):
-            if event.key() == Qt.Key.Key_Escape and isinstance(watched, (QSpinBox, QDoubleSpinBox)):
-                watched.setValue(watched.value())  # in place of what has been typed
+            if event.key() == Qt.Key.Key_Escape:
+                _drop_typed(watched)
             self._picture.setFocus()
         if (
             event.type() == QEvent.Type.MouseButtonRelease
@@ -72,3 +74,9 @@ class FieldFocus(QObject):
         above = field.parentWidget()
         in_list = above is not None and isinstance(above.parentWidget(), QAbstractItemView)
         return field.window() is self._window and not in_list
+
+
+def _drop_typed(field: QWidget) -> None:
+    """Show the value of a number in place of what is being typed."""
+    if isinstance(field, (QSpinBox, QDoubleSpinBox)):
+        cast(QDoubleSpinBox, field).setValue(field.value())

@@ -96,8 +96,7 @@ class PicturePanel(QWidget):
             return
 
         def job() -> Iterator[None]:
-            self._reference.open(path)
-            self._editor.touch()
+            self._editor.picture.open_reference(path)
             yield
 
         self._editor.run(job())

@@ -337,9 +337,10 @@ def test_a_reference_picture_opens_its_dock(app, window, tmp_path, monkeypatch, 
             window.act("reference-picture")
 
     dock = window.findChild(QDockWidget, "Reference")
-    assert not dock.isVisible()
+    assert not dock.isVisible() and not window.editor.session.changed
     load("front.png")
     wait_for(dock.isVisible, app.processEvents)
+    assert window.editor.session.changed, "the session has the picture's path, too"
     dock.close()
     window.editor.prior.reset()
     window.editor.save_session(tmp_path / "work.json")
