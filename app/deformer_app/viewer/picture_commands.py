@@ -63,10 +63,14 @@ class PictureCommands:
     def open_reference(self, path: str | Path) -> None:
         """Show a picture, a folder of pictures or a video to pose by; the session keeps its path.
 
+        It is shown at the time of the playhead.
+
         Raises:
             InputError: see `ReferencePicture.open`.
         """
-        self._editor.state.reference_picture.open(path)
+        reference, timeline = self._editor.state.reference_picture, self._editor.timeline
+        reference.open(path)
+        reference.set_frame(timeline.frame / timeline.clip.fps)
         self._editor.touch()
 
     def preview(self, component: int | None) -> None:

@@ -113,6 +113,17 @@ def test_it_follows_the_playhead_of_the_timeline(editor, tmp_path):
     assert reference.frame == reference.footage.index_at(4 / timeline.clip.fps) > 0
 
 
+def test_it_is_opened_at_the_playhead(editor, tmp_path):
+    for n in range(10):
+        Image.new("RGB", (8, 8), (25 * n, 0, 0)).save(tmp_path / f"{n}.png")
+    reference, timeline = editor.state.reference_picture, editor.timeline
+    timeline.seek(4)
+    editor.picture.open_reference(tmp_path)
+    finish(editor)
+    assert reference.seconds == pytest.approx(4 / timeline.clip.fps)
+    assert reference.frame == reference.footage.index_at(reference.seconds) > 0
+
+
 def test_a_frame_that_cannot_be_read_is_told_and_the_last_one_stays(editor, heard, tmp_path):
     for n in range(3):
         Image.new("RGB", (8, 8), (25 * n, 0, 0)).save(tmp_path / f"{n}.png")
