@@ -82,6 +82,17 @@ class FloorPlane:
         floor = Floor.at(self._editor.model, self.height)
         return [replace(h, targets=points(floor.above(h.targets))) for h in handles]
 
+    def lifted(self, handles: Sequence[Handle]) -> list[Handle]:
+        """Return handles, each as a whole lifted until no target is under the floor.
+
+        A handle that is moved under the floor acts as if it were on it; a region of which each
+        target did so would lose its shape for good, and a way back would begin with a dead part.
+        """
+        if self.height is None:
+            return list(handles)
+        floor = Floor.at(self._editor.model, self.height)
+        return [_lifted(handle, floor) for handle in handles]
+
     def _draw(self, vertices: NDArray[np.float64], handles: Sequence[Handle]) -> None:
         """Draw the grid around the place where the reference stands."""
         state, reference = self._editor.state, self._editor.model.reference
@@ -92,3 +103,9 @@ class FloorPlane:
         up = state.viewpoint.sky
         origin = middle + (self.height - middle @ up) * up
         self._grid.show(origin, up, reference.bounding_diagonal, state.view.theme.muted)
+
+
+def _lifted(handle: Handle, floor: Floor) -> Handle:
+    rises = floor.above(handle.targets) - np.array(handle.targets)
+    highest = rises[np.argmax((rises**2).sum(axis=1))]
+    return handle.moved(lambda p: np.asarray(p) + highest) if highest.any() else handle

@@ -120,7 +120,7 @@ class HandleCommands:
                     return
                 editor.before_drag = start = oriented
             moved = handle_changes.turned(editor.state.movable(start.handles), motion)
-        moved = [handle.moved(motion) for handle in moved]
+        moved = editor.floor.lifted([handle.moved(motion) for handle in moved])
         edit = start.with_handles(moved)
         editor.show_edit(editor.mirror.completed(edit, start, self._lead(moved)))
         editor.announce(HandlesDragged())
@@ -161,11 +161,17 @@ class HandleCommands:
 
     def set_centre(self, centre: ArrayLike) -> None:
         """Move the selected handles so that their common centre is at a point (3,)."""
+        self.slide_centre(centre)
+        if self._editor.session.under_way:
+            self._editor.commit("Move")
+
+    def slide_centre(self, centre: ArrayLike) -> None:
+        """Do what `set_centre` does, until `commit` of the editor; not during a drag."""
         editor = self._editor
         handles = editor.state.movable(editor.edit.handles)
-        if handles:
-            moved = handle_changes.centred_at(handles, centre)
-            editor.change("Move", editor.edit.with_handles(moved))
+        if handles and not editor.dragging:
+            moved = editor.floor.lifted(handle_changes.centred_at(handles, centre))
+            editor.show_edit(editor.mirror.completed(editor.edit.with_handles(moved)))
 
     # Kinds and weights.
 

@@ -10,6 +10,7 @@ import deformer
 from deformer import io
 from deformer_app.viewer.exports import export_handles
 from deformer_app.viewer.gizmo import translation
+from deformer_app.viewer.handle_changes import region_handle
 from deformer_app.viewer.pose_worker import replay
 from deformer_app.viewer.rigs import load_handles
 from deformer_app.viewer.session import Session
@@ -49,12 +50,42 @@ def test_nothing_that_is_dragged_passes_it(editor):
     assert lowest(editor) < editor.floor.height + 0.01 * size, "it lies on the floor"
 
 
-def test_what_is_dragged_below_it_is_drawn_where_it_acts(editor):
+def test_a_handle_stops_at_it_and_comes_up_at_once(editor):
     editor.floor.set_height(float(lowest(editor)) - 0.05)
     pull_down(editor)
-    (handle,) = editor.edit.handles
     floor, size = editor.floor.height, editor.model.reference.bounding_diagonal
-    assert handle.centre[1] < floor - 0.05 * size
+    assert editor.edit.handles[0].centre[1] == pytest.approx(floor)
+    editor.handles.move_selected(translation([0.0, 0.02 * size, 0.0]))
+    editor.commit("Up")
+    assert editor.edit.handles[0].centre[1] == pytest.approx(floor + 0.02 * size)
+    x, _, z = editor.edit.handles[0].centre
+    editor.handles.set_centre([x, floor - size, z])
+    assert editor.edit.handles[0].centre[1] == pytest.approx(floor)
+
+
+def test_a_region_that_is_dragged_below_it_keeps_its_shape(editor):
+    editor.floor.set_height(float(lowest(editor)) - 0.05)
+    region = np.flatnonzero(editor.model.reference.vertices[:, 0] > 1.6)
+    handle = editor.handles.on_surface(region_handle(1, region, editor.model.reference))
+    editor.change("Region", editor.edit.with_handles([handle]))
+    editor.handles.select([1])
+    finish(editor)
+    before = np.array(handle.targets)
+    size = editor.model.reference.bounding_diagonal
+    editor.handles.move_selected(translation([0.0, -0.5 * size, 0.0]))
+    editor.commit("Down")
+    after = np.array(editor.edit.handles[0].targets)
+    assert after[:, 1].min() == pytest.approx(editor.floor.height)
+    np.testing.assert_allclose(after - after[0], before - before[0], atol=1e-12)
+
+
+def test_what_is_below_it_is_drawn_where_it_acts(editor):
+    pull_down(editor)
+    (handle,) = editor.edit.handles
+    size = editor.model.reference.bounding_diagonal
+    floor = handle.centre[1] + 0.06 * size
+    editor.floor.set_height(floor)
+    finish(editor)
     editor.handles.select([handle.id])
     dots = editor.state.drawn_handles(editor.vertices, editor.edit.handles).dots
     x, _, z = handle.centre
