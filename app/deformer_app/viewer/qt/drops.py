@@ -68,7 +68,10 @@ class Drops(QObject):
         elif kind == "shapes":
             shell.train().choose(path)
         elif not shell.editor.is_open:
-            raise InputError(f"{path}: {kind} can be used with a model only; open the model first")
+            train = "; to train one, drop the folder of its shapes" if kind == "mesh" else ""
+            raise InputError(
+                f"{path}: {kind} can be used with a model only; open the model first{train}"
+            )
         elif kind == "handles":
             load_handles(shell.editor, path)
         elif kind == "poses":

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import cast
 
 import numpy as np
+from numpy.typing import NDArray
 from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtWidgets import (
     QAbstractItemView,
@@ -57,14 +58,15 @@ class HandlePanel(QWidget):
             row.addWidget(button)
         self._weight = Slider(self._set_weight, lambda: editor.commit("Weight"))
         self._weight.setToolTip("How much a soft handle counts")
-        self.coordinates = [NumberField(-1e9, 1e9, 4) for _ in range(3)]
+        self.coordinates = [NumberField(-1e9, 1e9) for _ in range(3)]
         numbers = QHBoxLayout()
-        for axis, box in zip("xyz", self.coordinates, strict=True):
-            box.setPrefix(f"{axis} ")
+        for n, box in enumerate(self.coordinates):
+            box.setPrefix(f"{'xyz'[n]} ")
             box.setSpecialValueText(" ")
             box.setProperty("bare", True)  # no arrows
             box.setMinimumWidth(64)
-            box.valueChanged.connect(self._move)
+            box.valueChanged.connect(lambda value, axis=n: self._move(axis, value))
+            box.settled.connect(lambda: editor.commit("Move"))
             numbers.addWidget(box)
         layout = QVBoxLayout(self)
         layout.addWidget(self.table, 1)
@@ -129,12 +131,22 @@ class HandlePanel(QWidget):
     def _set_weight(self, position: int) -> None:
         self._editor.handles.set_weight(geometric(position, *_WEIGHTS))
 
-    def _move(self) -> None:
-        self._editor.handles.set_centre([box.value() for box in self.coordinates])
+    def _move(self, axis: int, value: float) -> None:
+        """Move the selected handles along one axis; the other coordinates are not rounded."""
+        centre = self._centre()
+        centre[axis] = value
+        self._editor.handles.slide_centre(centre)
+
+    def _centre(self) -> NDArray[np.float64]:
+        """Common centre (3,) of the selected handles."""
+        chosen = self._editor.state.selection(self._editor.edit.handles)
+        return np.mean([handle.centre for handle in chosen], axis=0)
 
     def model_changed(self) -> None:
         """Another model is open: its handles are shown by the next `refresh`."""
         self.table.setRowCount(0)
+        for box in self.coordinates:
+            box.fit_size(self._editor.model.reference.bounding_diagonal)
 
     def refresh(self) -> None:
         """Show the current state."""
@@ -165,9 +177,7 @@ class HandlePanel(QWidget):
             return
         self._weight.show_position(geometric_position(chosen[0].weight, *_WEIGHTS))
         self._weight.setEnabled("soft" in kinds)
-        centre = np.mean([handle.centre for handle in chosen], axis=0)
-        for box, value in zip(self.coordinates, centre, strict=True):
-            box.setSingleStep(0.002 * diagonal)
+        for box, value in zip(self.coordinates, self._centre(), strict=True):
             if editor.dragging or not box.being_typed:
                 box.show_value(float(value))
 
@@ -177,7 +187,8 @@ class HandlePanel(QWidget):
         angles = answer.pose.orientation_residual if answer is not None and solved else np.zeros(0)
         start = 0
         self.table.setRowCount(len(handles))
-        for n, handle in enumerate(handles):
+        acting = editor.state.acting(handles)  # a target under the floor is on it
+        for n, handle in enumerate(acting):
             # Of the surface that is shown, which may be a frame of the clip.
             shown = editor.vertices[list(handle.vertices)]
             distances = vertex_errors(np.array(handle.targets), shown)

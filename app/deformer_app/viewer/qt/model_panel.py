@@ -72,7 +72,7 @@ class ModelPanel(QWidget):
         self._ghost.activated.connect(
             lambda n: editor.picture.change_look(ghost=self._ghost.itemData(n))
         )
-        self._floor, self._height = QCheckBox(), NumberField(-1e9, 1e9, 4)
+        self._floor, self._height = QCheckBox(), NumberField(-1e9, 1e9)
         self._floor.setToolTip("A plane where the examples stand, which no part passes")
         self._floor.clicked.connect(lambda _: editor.floor.switch())
         self._height.setMinimumWidth(90)  # Qt's is that of the largest height
@@ -111,15 +111,15 @@ class ModelPanel(QWidget):
         """Another model is open."""
         editor = self._editor
         mesh = editor.model.reference
+        self._height.fit_size(mesh.bounding_diagonal)
         self._name.setText(
             f"<b>{editor.session.model.path.rstrip('/').split('/')[-1]}</b><br>"
             f"{len(mesh.vertices):,} vertices<br>{editor.model.components} components"
         )
 
-    def _show_floor(self, height: float | None, size: float) -> None:
+    def _show_floor(self, height: float | None) -> None:
         self._floor.setChecked(height is not None)
         self._height.setEnabled(height is not None)
-        self._height.setSingleStep(0.005 * size)
         if height is not None and not self._height.being_typed:
             self._height.show_value(height)
 
@@ -128,7 +128,7 @@ class ModelPanel(QWidget):
         editor = self._editor
         self.prior.show_position(geometric_position(editor.edit.noise / NOISE, *_STRENGTHS))
         self._body.setCurrentIndex(BODIES.index(editor.edit.body))
-        self._show_floor(editor.floor.height, editor.model.reference.bounding_diagonal)
+        self._show_floor(editor.floor.height)
         has_target = editor.state.target_mesh is not None
         colours = [n for n in COLOURINGS if n != "component" and (n != "error" or has_target)]
         titles = dict(COLOURINGS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import cast
 
 from PySide6.QtCore import QLocale, QSignalBlocker, Qt, Signal
@@ -9,6 +10,10 @@ from PySide6.QtGui import QKeyEvent, QMouseEvent
 from PySide6.QtWidgets import QDoubleSpinBox
 
 _STEPS = (Qt.Key.Key_Up, Qt.Key.Key_Down, Qt.Key.Key_PageUp, Qt.Key.Key_PageDown)
+
+_DIGITS = 4  # of a body of size 1, after the point
+_MOST_DIGITS = 12
+_STEP = 0.002  # of a body's size
 
 
 class NumberField(QDoubleSpinBox):
@@ -19,7 +24,7 @@ class NumberField(QDoubleSpinBox):
 
     Args:
         least, most: smallest and largest value.
-        decimals: digits after the point.
+        decimals: digits after the point; see `fit_size` for those of a place.
 
     Attributes:
         settled: signal after a number that has been typed, and after the steps of an arrow or a key
@@ -28,7 +33,7 @@ class NumberField(QDoubleSpinBox):
 
     settled = Signal()
 
-    def __init__(self, least: float, most: float, decimals: int) -> None:
+    def __init__(self, least: float, most: float, decimals: int = 4) -> None:
         """Start at 0, or at the nearest value to it."""
         super().__init__()
         self.setLocale(QLocale.c())
@@ -38,6 +43,11 @@ class NumberField(QDoubleSpinBox):
         self._held = self._changed = False
         self.valueChanged.connect(self._note)
         self.editingFinished.connect(self._settle)
+
+    def fit_size(self, size: float) -> None:
+        """Take digits and steps for places in a body of a size, whatever its units."""
+        self.setDecimals(min(max(_DIGITS - math.floor(math.log10(size)), 0), _MOST_DIGITS))
+        self.setSingleStep(_STEP * size)
 
     @property
     def being_typed(self) -> bool:

@@ -52,6 +52,12 @@ def height_field(window):
     return window.docks.panel(ModelPanel).findChild(QDoubleSpinBox)
 
 
+def place_field(window):
+    from deformer_app.viewer.qt.handle_panel import HandlePanel
+
+    return window.docks.panel(HandlePanel).coordinates[1]
+
+
 def within_reach(window):
     """Fields, lists and sliders that the mouse can be over."""
     from PySide6.QtWidgets import QAbstractSpinBox, QComboBox, QSlider
@@ -148,7 +154,7 @@ def test_esc_drops_the_number_that_is_being_typed(app, at_work, hand, field_of):
     assert field.text() == before and at_work.editor.session.cursor == entry
 
 
-@pytest.mark.parametrize("field_of", [height_field, weight_field])
+@pytest.mark.parametrize("field_of", [height_field, weight_field, place_field])
 def test_a_key_that_is_held_makes_one_step_of_the_history(app, at_work, hand, field_of):
     field, editor = field_of(at_work), at_work.editor
     entries, start = len(editor.session.entries), field.value()
@@ -173,3 +179,56 @@ def test_an_arrow_that_is_held_makes_one_step_of_the_history(app, at_work, hand)
     hand("mouseup", "1")
     rest(app, at_work)
     assert len(editor.session.entries) == entries + 1
+
+
+def test_a_key_that_is_held_on_a_slider_makes_one_step_of_the_history(app, at_work, hand):
+    from deformer_app.viewer.qt.model_panel import ModelPanel
+
+    slider, editor = at_work.docks.panel(ModelPanel).prior, at_work.editor
+    entries, start = len(editor.session.entries), slider.value()
+    slider.setFocus()
+    hand("keydown", "Right")
+    wait_for(lambda: slider.value() > start + 3 * slider.singleStep(), app.processEvents)
+    assert len(editor.session.entries) == entries and editor.session.under_way
+    hand("keyup", "Right")
+    rest(app, at_work)
+    assert len(editor.session.entries) == entries + 1
+    hand("keydown", "Right")
+    wait_for(lambda: editor.session.under_way, app.processEvents)
+    place_field(at_work).setFocus()  # the key's release goes to the other field
+    rest(app, at_work)
+    assert len(editor.session.entries) == entries + 2
+    hand("keyup", "Right")
+
+
+def test_a_typed_coordinate_leaves_the_others_as_exact_as_they_are(app, at_work, hand):
+    editor, field = at_work.editor, place_field(at_work)
+    editor.handles.set_centre([0.123456789, 0.2, 0.987654321])
+    rest(app, at_work)
+    hand(*over(field), "click", "1", "key", "ctrl+a", "type", "0.25")
+    hand("key", "Return")
+    rest(app, at_work)
+    (handle,) = editor.state.selection(editor.edit.handles)
+    assert handle.centre == pytest.approx((0.123456789, 0.25, 0.987654321), abs=1e-12)
+
+
+@pytest.mark.parametrize("scale", [1e-4, 1e3])
+def test_places_have_digits_and_steps_for_a_body_of_any_size(app, window, tmp_path, scale):
+    import deformer
+    from deformer_app.viewer.qt.handle_panel import HandlePanel
+    from shapes import sequence
+
+    shapes = sequence(5)
+    small = deformer.MeshSequence(scale * shapes.vertices, shapes.faces)
+    deformer.train(small, components=3, epochs=2, seed=0).save(tmp_path / "small")
+    window.editor.open_model(tmp_path / "small")
+    place(window, 100)
+    rest(app, window)
+    size = window.editor.model.reference.bounding_diagonal
+    (handle,) = window.editor.edit.handles
+    for field, value in zip(
+        window.docks.panel(HandlePanel).coordinates, handle.centre, strict=True
+    ):
+        assert abs(field.value() - value) <= 1e-4 * size
+        assert field.singleStep() == pytest.approx(0.002 * size, rel=0.01)
+        assert len(field.text()) <= 14

@@ -356,7 +356,8 @@ def test_what_cannot_be_dropped_is_told(app, bare, tmp_path):
     deformer.save_shapes(files, sequence(3))
     one, two, _ = sorted(files.glob("*.ply"))
     drop(app, bare, one)
-    assert "mesh can be used with a model only; open the model first" in bare.notices.mistake.text
+    told = bare.notices.mistake.text
+    assert "mesh can be used with a model only; open the model first; to train one, drop" in told
     (offer,) = (text for text in texts(bare.start_page) if "drop here" in text)
     assert not any(word in offer for word in ("mesh", "handles", "poses", "picture"))
     Image.new("RGB", (8, 6)).save(tmp_path / "view.png")

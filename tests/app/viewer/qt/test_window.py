@@ -75,6 +75,15 @@ def test_names_of_handles_keep_their_room(app, window):
     table.resize(sum(needed) + frame + 8, 100)
     app.processEvents()
     assert not table.isColumnHidden(2) and table.columnWidth(0) >= name
+    # Digits that come and go while a clip plays take no column along.
+    for width in range(180, 320, 4):
+        table.resize(width, 100)
+        hidden = []
+        for off in ("0.03 %", "0.83 %", "11.11 %", "24.88 %"):
+            table.item(0, 3).setText(off)
+            table.fit()
+            hidden.append(table.isColumnHidden(2))
+        assert len(set(hidden)) == 1
     table.close()
 
 
@@ -140,6 +149,19 @@ def test_docks_show_what_is_selected_and_numbers_move_it(app, window):
     assert after[1] == pytest.approx(before[1] + 0.3, abs=1e-4)
     assert after[0] == pytest.approx(before[0], abs=1e-4)
     assert "%" in panel.table.item(0, 3).text()
+
+
+def test_a_handle_under_the_floor_is_off_the_place_where_it_acts(app, window):
+    from deformer_app.viewer.qt.handle_panel import HandlePanel
+
+    place(window, 115)
+    window.editor.handles.set_kind("exact")
+    rest(app, window)
+    (handle,) = window.editor.edit.handles
+    size = window.editor.model.reference.bounding_diagonal
+    window.editor.floor.set_height(handle.centre[1] + 0.05 * size)
+    rest(app, window)
+    assert window.docks.panel(HandlePanel).table.item(0, 3).text() == "0.00 %"
 
 
 def test_a_handle_is_renamed_in_the_table_and_a_taken_name_is_told(app, window):
