@@ -394,6 +394,8 @@ class Editor:
         clip = self.timeline.keyed(self.session.entry.edit, self.edit)
         if self.session.commit(label, solution, clip):
             self.announce(HistoryChanged(), HandlesChanged())
+        elif known is not None:  # the same state, but perhaps not the same of its minima
+            self.session.show_solution(known)
         else:  # nothing is different: the pose is the one that was there
             known = self.session.entry.solution
         self.ask(known)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deformer import DeformationModel, Mesh, Symmetry, spread
+from deformer import DeformationModel, Mesh, Symmetry, local_rotations, spread
 from deformer_app.viewer.edit import Edit, Handle, Kind, Solution, point, points
 from deformer_app.viewer.gizmo import Motion
 from deformer_app.viewer.handle_names import opposite_name
@@ -18,6 +18,8 @@ _REGION_TARGETS = 8  # vertices of a painted region that have targets
 # Vertices of a pin's disc that have targets, its centre first: enough that the others keep their
 # places within a thousandth of the body's size.
 _PIN_TARGETS = 14
+# Shorter gaps, in bounding diagonals, are rounding.
+_LEAST_GAP = 1e-5
 
 
 def with_kind(handles: Iterable[Handle], kind: Kind, vertices: NDArray) -> list[Handle]:
@@ -93,6 +95,30 @@ def centred_at(handles: Sequence[Handle], centre: ArrayLike) -> list[Handle]:
     before = np.mean([handle.centre for handle in handles], axis=0)
     shift = np.asarray(centre, dtype=np.float64) - before
     return [handle.moved(lambda p: p + shift) for handle in handles]
+
+
+def on_shape(
+    handle: Handle, model: DeformationModel, shape: NDArray, code_shape: NDArray
+) -> Handle:
+    """Return a handle on a surface that is shown, where it changes nothing.
+
+    Args:
+        handle: at any place.
+        model: the model.
+        shape: (V, 3) the surface.
+        code_shape: (V, 3) the shape of its code, which exact handles have deformed to the surface.
+
+    Returns:
+        The handle with its targets at its vertices, with gaps from the code's shape, and with the
+        orientation that the surface has there if it has one.
+    """
+    at = list(handle.vertices)
+    gaps = shape[at] - code_shape[at]
+    long = np.abs(gaps).max(axis=1) > _LEAST_GAP * model.reference.bounding_diagonal
+    placed = handle.at(shape[at], np.where(long[:, None], gaps, 0.0))
+    if handle.orientation is None:
+        return placed
+    return placed.oriented(local_rotations(model, at[:1], shape)[0])
 
 
 def surroundings(handles: Iterable[Handle], shown: NDArray, reach: float) -> NDArray:

@@ -7,10 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from deformer import InputError
+from deformer import InputError, posed_shape
 from deformer_app.viewer.changes import PosesChanged
 from deformer_app.viewer.editor import Editor
-from deformer_app.viewer.handle_changes import mirrored_edit, mirrored_solution
+from deformer_app.viewer.handle_changes import mirrored_edit, mirrored_solution, on_shape
 from deformer_app.viewer.mirror_plane import MirrorPlane
 from deformer_app.viewer.pose_files import (
     library_text,
@@ -18,6 +18,7 @@ from deformer_app.viewer.pose_files import (
     parse_library,
     save_library,
 )
+from deformer_app.viewer.pose_worker import PoseWorker
 from deformer_app.viewer.poses import PoseShelf, SavedPose
 from deformer_app.viewer.worker import in_background
 
@@ -66,7 +67,8 @@ def start_from(editor: Editor, pose: SavedPose, label: str | None = None) -> Non
     """Show a pose as it was saved, with its handles in place of the present ones.
 
     A handle at the same vertices as a present one goes on as that, with its keys. A pose without
-    handles is that of its code: present handles go along, as in `PriorCommands.start_at`.
+    handles is that of its code: present handles go along, as in `PriorCommands.start_at`. In a clip
+    present handles stay; a background job places them on the pose.
 
     Args:
         editor: shows it.
@@ -77,17 +79,46 @@ def start_from(editor: Editor, pose: SavedPose, label: str | None = None) -> Non
     if not pose.handles:
         editor.prior.start_at(label, pose.code)
         return
-    first, before = editor.session.next_id(), editor.edit.handles
-    present = {handle.vertices: handle.id for handle in before}
-    handles = tuple(
-        replace(h, id=present.pop(h.vertices, first + n)) for n, h in enumerate(pose.handles)
-    )
-    edit = replace(pose.edit, handles=handles)
+    if editor.timeline.clip.tracks:
+        editor.run(_start_at_playhead(editor, pose, label))
+        return
+    before = editor.edit.handles
+    edit = pose.with_ids(before, editor.session.next_id())
     editor.change(label, edit, both_sides=False, solution=pose.solution)
-    gone = len({h.id for h in before} - {h.id for h in handles})
+    gone = len({h.id for h in before} - {h.id for h in edit.handles})
     if gone:
         there = "one that was" if gone == 1 else f"{gone} that were"
         editor.note(f"Its handles replace the {there} there")
+
+
+def _start_at_playhead(editor: Editor, pose: SavedPose, label: str) -> Iterator[None]:
+    """Start from a pose at a frame of a clip, at whose other frames nothing changes.
+
+    Present handles that the pose has not stay, on its surface, since they have keys elsewhere; its
+    own ones get keys there (`Timeline.keyed`).
+    """
+    model, timeline, before, frame = (
+        editor.model,
+        editor.timeline,
+        editor.edit,
+        editor.timeline.frame,
+    )
+    shown = yield from in_background(lambda: PoseWorker(model).final_pose(pose.edit, pose.solution))
+    while timeline.waiting and not timeline.has_shapes:
+        yield
+    if not editor.is_open or (editor.edit, timeline.frame) != (before, frame):
+        return
+    own = pose.with_ids(before.handles, editor.session.next_id())
+    code_shape = posed_shape(model, shown.z, shown.rotation, shown.translation)
+    taken = {handle.id for handle in own.handles}
+    kept = [
+        on_shape(handle, model, shown.vertices, code_shape)
+        for handle in before.handles
+        if handle.id not in taken
+    ]
+    edit = replace(before.with_handles([*own.handles, *kept]), base=own.base)
+    alike = replace(own, base=edit.base, handles=edit.handles) == edit
+    editor.change(label, edit, both_sides=False, solution=pose.solution if alike else None)
 
 
 def copied(editor: Editor, pose: SavedPose | None = None) -> str:

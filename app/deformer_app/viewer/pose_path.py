@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import deformer
 from deformer import DeformationModel
 from deformer_app.viewer.edit import Edit, Handle, Solution
-from deformer_app.viewer.handle_changes import gaps_of
+from deformer_app.viewer.handle_changes import gaps_of, on_shape
 from deformer_app.viewer.poses import SavedPose
 
 
@@ -35,31 +35,36 @@ class PosePath:
 
     The prior's mean is on the path between those of the two ends, and handles go along with its
     shape: as far from it as at the start, at first, and as at the end, at last. There, handles that
-    the end has not are where its shape is, and pull nothing. Pins of the start stay where they are;
-    they move the end to where they are on average.
+    the end has not are where its shape is, and pull nothing. To an end without handles, pins of the
+    start stay where they are; they move the end to where they are on average.
 
     Args:
         model: the model.
         start: the state at the share 0.
         end: the pose at the share 1.
         added: handles of the end that the start has not, on its surface.
+        shown: (V, 3) the end's surface; None takes the shape of its code for it.
     """
 
     def __init__(
-        self, model: DeformationModel, start: Edit, end: SavedPose, added: Sequence[Handle] = ()
+        self,
+        model: DeformationModel,
+        start: Edit,
+        end: SavedPose,
+        added: Sequence[Handle] = (),
+        shown: NDArray[np.float64] | None = None,
     ) -> None:
         """Measure where the handles are at both ends."""
         self._model, self._start, self._end = model, start, end
         self._handles = (*start.handles, *added)
-        self._held = [n for n, handle in enumerate(start.handles) if handle.kind == "pin"]
+        pins = [n for n, handle in enumerate(start.handles) if handle.kind == "pin"]
+        self._held = [] if end.handles else pins
         there = {handle.vertices: handle for handle in end.handles}
         self._common = all(handle.vertices in there for handle in self._handles)
-        shape = _shape(model, end.shown)
-        last = [there.get(h.vertices) or _on(h, shape) for h in self._handles]
-        turns = _rotations(model, self._handles, shape)
+        code_shape = _shape(model, end.shown)
+        shape = code_shape if shown is None else shown
         last = [
-            h if h.orientation is None or h.vertices in there else h.oriented(R)
-            for h, R in zip(last, turns, strict=True)
+            there.get(h.vertices) or on_shape(h, model, shape, code_shape) for h in self._handles
         ]
         self._before = self._offsets(self._handles, start.base)
         self._after = self._offsets(last, end.edit.base)
@@ -129,11 +134,6 @@ def _mixed(before: _Offset, after: _Offset, share: float) -> _Offset:
         (1.0 - share) * before.gaps + share * after.gaps,
         deformer.interpolate_rotations(before.turn, after.turn, share),
     )
-
-
-def _on(handle: Handle, shape: NDArray[np.float64]) -> Handle:
-    """A handle with its targets on a shape, without gaps."""
-    return handle.at(shape[list(handle.vertices)])
 
 
 def _shape(model: DeformationModel, solution: Solution) -> NDArray[np.float64]:

@@ -58,6 +58,19 @@ class SavedPose:
         """The handles that hold the pose."""
         return self.edit.handles
 
+    def with_ids(self, present: Sequence[Handle], first: int) -> Edit:
+        """Return the state with ids of an editor's.
+
+        Args:
+            present: handles there; one at the same vertices gives its id.
+            first: id of the first of the others; the next ones count on.
+        """
+        ids = {handle.vertices: handle.id for handle in present}
+        handles = tuple(
+            replace(h, id=ids.pop(h.vertices, first + n)) for n, h in enumerate(self.handles)
+        )
+        return replace(self.edit, handles=handles)
+
     def as_json(self) -> dict[str, Any]:
         """Return the pose's entry of a file."""
         return {

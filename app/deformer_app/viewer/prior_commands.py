@@ -51,6 +51,8 @@ class PriorCommands:
         base = tuple(float(value) for value in np.asarray(code))
         edit, solution = PosePath(editor.model, editor.edit, SavedPose.of_code(label, base)).at(1.0)
         editor.change(label, edit, both_sides=False, solution=solution)
+        if any(handle.kind == "pin" for handle in edit.handles):
+            editor.note("Pins hold; delete them or make them soft for the whole pose")
 
     def start_from_mesh(self, path: str | Path) -> None:
         """Start from the code whose shape is closest to a mesh; a background job finds it.

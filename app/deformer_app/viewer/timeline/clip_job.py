@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 import deformer
 from deformer import DeformationModel, Floor
-from deformer_app.viewer.edit import Edit, Solution, point
+from deformer_app.viewer.edit import Edit, Handle, Solution, point
+from deformer_app.viewer.handle_changes import on_shape
 from deformer_app.viewer.timeline.keys import Clip
 
-# Rounds of rigid relaxation a frame: more bring little for their time.
-RELAXATION = 4
+# Rounds of rigid relaxation a frame: as many as a pose has that is solved for alone, so that a
+# frame that is keyed is about that pose again.
+RELAXATION = 20
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,12 @@ class FittedClip:
     z: NDArray[np.float64]
     rotation: NDArray[np.float64]
     translation: NDArray[np.float64]
+
+    def on_surface(self, model: DeformationModel, handle: Handle, frame: int) -> Handle:
+        """Return a handle on the shape of a frame, where it changes nothing."""
+        shape, motion = self.vertices[frame], (self.rotation[frame], self.translation[frame])
+        code_shape = deformer.posed_shape(model, self.z[frame], *motion)
+        return on_shape(handle, model, shape, code_shape)
 
     def solution(self, frame: int) -> Solution:
         """Code and rigid motion of a frame."""

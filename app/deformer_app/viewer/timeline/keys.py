@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 import deformer
-from deformer_app.viewer.edit import Edit, Handle, Orientation, Point, point
+from deformer_app.viewer.edit import Edit, Handle, Orientation, Point, point, points
 from deformer_app.viewer.timeline.interpolation import Curve
 
 Ease = Literal["ease", "linear"]
@@ -31,15 +31,23 @@ class Placement:
     Args:
         targets: a point for each of its vertices.
         orientation: of the handle, or None.
+        gaps: of the handle, a vector for each target, or empty for zeros; None leaves the handle's.
     """
 
     targets: tuple[Point, ...]
     orientation: Orientation | None = None
+    gaps: tuple[Point, ...] | None = None
 
     @classmethod
     def of(cls, handle: Handle) -> Placement:
         """The placement of a handle."""
-        return cls(handle.targets, handle.orientation)
+        return cls(handle.targets, handle.orientation, handle.gaps)
+
+    @property
+    def rows(self) -> list[list[float]]:
+        """Targets, and behind them gaps (2n, 3)."""
+        gaps = self.gaps or [(0.0, 0.0, 0.0)] * len(self.targets)
+        return [list(p) for p in (*self.targets, *gaps)]
 
 
 @dataclass(frozen=True)
@@ -92,12 +100,12 @@ class Track:
 
     @cached_property
     def _curve(self) -> Curve:
-        rows: list[Sequence[float]] = [
-            np.ravel(key.value.targets).tolist() if isinstance(key.value, Placement) else key.value
-            for key in self.keys
-        ]
+        places = [key.value for key in self.keys if isinstance(key.value, Placement)]
+        rows: list[Sequence[float]] = [np.ravel(place.rows).tolist() for place in places]
         if len({len(row) for row in rows}) > 1:  # keyed with other vertices: the first one leads
-            rows = [row[:3] for row in rows]
+            rows = [np.ravel(_first(place).rows).tolist() for place in places]
+        if not places:
+            rows = [key.value for key in self.keys if not isinstance(key.value, Placement)]
         return Curve(self.frames, rows, [key.ease == "linear" for key in self.keys])
 
     def code(self, frame: int) -> Code:
@@ -105,12 +113,15 @@ class Track:
         return tuple(self._curve([frame])[0].tolist())
 
     def placement(self, frame: int) -> Placement:
-        """The handle's placement at a frame: points on the curve, the orientation by slerp.
+        """The handle's placement at a frame: points and gaps on the curve, orientations by slerp.
 
         Between two keys of which one has no orientation it is that of the key before.
         """
-        points = self._curve([frame])[0].reshape(-1, 3)
-        return Placement(tuple(point(p) for p in points), self._orientation(frame))
+        targets, vectors = self._curve([frame])[0].reshape(2, -1, 3)
+        gaps = points(vectors) if vectors.any() else ()
+        places = [key.value for key in self.keys if isinstance(key.value, Placement)]
+        kept = any(place.gaps is None for place in places)
+        return Placement(points(targets), self._orientation(frame), None if kept else gaps)
 
     def _orientation(self, frame: int) -> Orientation | None:
         before, share = self._curve.shares([frame])
@@ -223,17 +234,23 @@ class Clip:
 NO_KEYS = Clip()
 
 
+def _first(place: Placement) -> Placement:
+    """The placement of the first of several vertices."""
+    return replace(place, targets=place.targets[:1], gaps=place.gaps and place.gaps[:1])
+
+
 def placed(handle: Handle, place: Placement) -> Handle:
     """Return a handle at a placement.
 
     One that had other vertices when it was keyed, such as a pin of another size, goes with its
     first vertex.
     """
-    targets = place.targets
+    targets, gaps = place.targets, place.gaps
     if len(targets) != len(handle.targets):
         shift = np.array(targets[0]) - handle.targets[0]
-        targets = tuple(point(p) for p in np.array(handle.targets) + shift)
-    return replace(handle, targets=targets, orientation=place.orientation)
+        targets, gaps = points(np.array(handle.targets) + shift), handle.gaps
+    gaps = handle.gaps if gaps is None else gaps
+    return replace(handle, targets=targets, orientation=place.orientation, gaps=gaps)
 
 
 def shift_within(keys: Sequence[tuple[int, Key]], by: int) -> int:

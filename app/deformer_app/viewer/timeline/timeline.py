@@ -8,7 +8,7 @@ dragged without a key is gone once the playhead moves.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +25,7 @@ from deformer_app.viewer.changes import (
     PlaybackBegun,
     StepShown,
 )
-from deformer_app.viewer.edit import Edit
+from deformer_app.viewer.edit import Edit, Handle
 from deformer_app.viewer.timeline.clip_job import ClipJob, FittedClip, Request
 from deformer_app.viewer.timeline.key_commands import KeyCommands
 from deformer_app.viewer.timeline.keys import (
@@ -33,7 +33,9 @@ from deformer_app.viewer.timeline.keys import (
     NO_KEYS,
     SLIDERS,
     Clip,
+    Key,
     KeyName,
+    Placement,
     changed_owners,
     continued,
     keys_of,
@@ -271,12 +273,38 @@ class Timeline:
             self.seek(self.frame)
 
     def keyed(self, before: Edit, after: Edit) -> Clip:
-        """The clip that goes with a step from one state to another: keyed, if auto-key is on."""
+        """The clip that goes with a step from one state to another: keyed, if auto-key is on.
+
+        New handles get a key at the other frames that have keys, too, where the shapes are that
+        were fitted last: one key alone would pull at all frames.
+        """
         clip = self.clip
         if not (self.auto_key and clip.tracks):
             return clip
+        known = {handle.id for handle in before.handles}
+        new = [handle for handle in after.handles if handle.id not in known]
         keys = keys_of(after, self.frame, changed_owners(before, after))
-        return clip.with_keys(continued(clip, keys))
+        return clip.with_keys(continued(clip, [*self._elsewhere(new), *keys]))
+
+    def _elsewhere(self, handles: Sequence[Handle]) -> list[tuple[int, Key]]:
+        """Keys of handles at the frames of other keys, on the shapes there; none without shapes."""
+        fitted = self._fitted
+        if fitted is None or not handles:
+            return []
+        set_by_hand = [track for track in self.clip.tracks if not track.measured]
+        frames = {frame for track in set_by_hand for frame in track.frames} - {self.frame}
+        model = self._editor.model
+        return [
+            (handle.id, Key(frame, Placement.of(fitted.on_surface(model, handle, frame))))
+            for frame in sorted(frames)
+            if frame < len(fitted.vertices)
+            for handle in handles
+        ]
+
+    @property
+    def has_shapes(self) -> bool:
+        """True once a clip has been fitted, whether or not keys have changed since."""
+        return self._fitted is not None
 
     # The fit.
 

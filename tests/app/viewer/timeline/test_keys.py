@@ -162,7 +162,7 @@ def test_only_what_was_moved_counts_as_changed():
 def test_keys_are_those_of_the_state_for_the_owners_asked_for():
     edit = Edit(BASE, (Handle(1, (3,), ((0.0, 0.0, 0.0),)), Handle(2, (4,), ((1.0, 0.0, 0.0),))))
     assert keys_of(edit, 4, [2, SLIDERS]) == [
-        (2, Key(4, placed(1, 0, 0))),
+        (2, Key(4, replace(placed(1, 0, 0), gaps=()))),
         (SLIDERS, Key(4, BASE)),
     ]
 
@@ -191,3 +191,16 @@ def test_a_track_is_a_value():
     first.track(7).placement(5)  # a curve that is kept makes no difference
     assert first == second and hash(first) == hash(second)
     assert Track(7, first.track(7).keys) == second.track(7)
+
+
+def test_gaps_go_along_between_keys_and_are_the_handle_s_own_where_none_were_keyed():
+    handle = Handle(7, (3,), ((0.0, 0.0, 0.0),), gaps=((5.0, 0.0, 0.0),))
+    edit = Edit(BASE, (handle,))
+    first = Placement(((0.0, 0.0, 0.0),), gaps=())
+    last = Placement(((2.0, 0.0, 0.0),), gaps=((0.0, 4.0, 0.0),))
+    clip = clip_of((0, first, "linear"), (10, last, "linear"))
+    between = clip.at(edit, 5).handles[0]
+    assert between.targets == ((1.0, 0.0, 0.0),) and between.gaps == ((0.0, 2.0, 0.0),)
+    assert clip.at(edit, 0).handles[0].gaps == ()
+    older = clip_of((0, replace(first, gaps=None), "linear"), (10, last, "linear"))
+    assert older.at(edit, 5).handles[0].gaps == handle.gaps

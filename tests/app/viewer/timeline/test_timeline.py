@@ -10,8 +10,12 @@ from deformer import InputError
 from deformer_app.rendering.palette import KINDS, SELECTED, rgb
 from deformer_app.viewer import filming
 from deformer_app.viewer.changes import MistakeMade, PlaybackBegun
+from deformer_app.viewer.edit import Handle
 from deformer_app.viewer.gizmo import translation
+from deformer_app.viewer.pose_blend import PoseBlend
+from deformer_app.viewer.pose_commands import save_pose, start_from
 from deformer_app.viewer.pose_worker import replay
+from deformer_app.viewer.poses import SavedPose
 from deformer_app.viewer.session import Session
 from deformer_app.viewer.timeline import exports
 from deformer_app.viewer.timeline.clip_job import Request, fit_clip
@@ -388,3 +392,82 @@ def test_playing_is_told(editor, keyed):
     keyed.play()
     assert [type(change) for change in heard].count(PlaybackBegun) == 1
     keyed.stop()
+
+
+def fitted_shape(timeline, frame):
+    assert timeline.fitted is not None
+    return timeline.fitted.vertices[frame]
+
+
+def test_a_pose_at_one_frame_leaves_the_poses_of_the_others(editor, timeline, clock):
+    """With handles of its own, which pull at no other frame, and without some that are keyed."""
+    size = editor.model.reference.bounding_diagonal
+    place(editor, clock, 10, 110)
+    drag(editor, clock, [0.0, 0.2, 0.1], number=2)
+    first = save_pose(editor, "first")
+    shapes = {0: editor.vertices.copy()}
+    editor.prior.reset()
+    place(editor, clock, 60, 110)
+    drag(editor, clock, [0.0, -0.1, 0.25], number=editor.edit.handles[1].id)
+    second = save_pose(editor, "second")
+    shapes[20] = editor.vertices.copy()
+    start_from(editor, first)
+    finish(editor, clock)
+    timeline.keys.set([SLIDERS, *(handle.id for handle in editor.edit.handles)])
+    finish(editor, clock)
+    names = set(timeline.clip.names)
+    for frame in (20, 40):
+        timeline.seek(frame)
+        start_from(editor, second if frame == 20 else first)
+        finish(editor, clock)
+    assert names < set(timeline.clip.names)
+    assert {h.vertices[0] for h in editor.edit.handles} == {10, 60, 110}
+    for frame, shape in {**shapes, 40: shapes[0]}.items():
+        timeline.seek(frame)
+        finish(editor, clock)
+        off = np.abs(editor.vertices - shape).max() / size
+        assert off < 0.01, f"frame {frame}"
+        assert np.abs(fitted_shape(timeline, frame) - shape).max() < 0.01 * size
+    editor.undo()
+    editor.undo()
+    finish(editor, clock)
+    assert set(timeline.clip.names) == names
+
+
+def test_a_handle_that_is_placed_at_one_frame_pulls_at_no_other(editor, timeline, clock):
+    size = editor.model.reference.bounding_diagonal
+    place(editor, clock, 10, 110)
+    timeline.keys.set()
+    timeline.seek(20)
+    drag(editor, clock, [0.0, 0.25, 0.1], number=2)
+    timeline.seek(40)
+    drag(editor, clock, [0.0, -0.1, 0.2], number=2)
+    finish(editor, clock)
+    before = fitted_shape(timeline, slice(0, 21)).copy()
+    place(editor, clock, 60)
+    drag(editor, clock, [0.0, 0.15, -0.1], number=editor.edit.handles[-1].id)
+    finish(editor, clock)
+    assert {name for name in timeline.clip.names if name[0] == editor.edit.handles[-1].id} == {
+        (editor.edit.handles[-1].id, frame) for frame in (0, 20, 40)
+    }
+    off = np.abs(fitted_shape(timeline, [0, 20]) - before[[0, 20]]).max() / size
+    assert off < 0.01
+
+
+def test_a_blend_in_a_clip_keeps_handles_that_have_keys(editor, timeline, clock):
+    place(editor, clock, 10, 110)
+    drag(editor, clock, [0.0, 0.2, 0.1], number=2)
+    timeline.keys.set()
+    ids = {handle.id for handle in editor.edit.handles}
+    other = editor.handles.on_surface(Handle(9, (60,), ((0.0, 0.0, 0.0),)))
+    pose = SavedPose("other", replace(editor.edit, handles=(other,)))
+    timeline.seek(20)
+    finish(editor, clock)
+    blend = PoseBlend(editor)
+    blend.choose(pose)
+    blend.move(0.5)
+    blend.move(1.0)
+    blend.commit()
+    finish(editor, clock)
+    assert ids < {handle.id for handle in editor.edit.handles}
+    assert {frame for owner, frame in timeline.clip.names if owner not in ids} == {0, 20}
