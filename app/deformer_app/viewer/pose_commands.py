@@ -9,6 +9,7 @@ from typing import Any
 
 from deformer import InputError, posed_shape
 from deformer_app.viewer.changes import PosesChanged
+from deformer_app.viewer.edit import Edit
 from deformer_app.viewer.editor import Editor
 from deformer_app.viewer.handle_changes import mirrored_edit, mirrored_solution, on_shape
 from deformer_app.viewer.mirror_plane import MirrorPlane
@@ -80,7 +81,8 @@ def start_from(editor: Editor, pose: SavedPose, label: str | None = None) -> Non
         editor.prior.start_at(label, pose.code)
         return
     if editor.timeline.clip.tracks:
-        editor.run(_start_at_playhead(editor, pose, label))
+        before, frame = editor.edit, editor.timeline.frame
+        editor.run(_start_at_playhead(editor, pose, label, before, frame))
         return
     before = editor.edit.handles
     edit = pose.with_ids(before, editor.session.next_id())
@@ -91,22 +93,29 @@ def start_from(editor: Editor, pose: SavedPose, label: str | None = None) -> Non
         editor.note(f"Its handles replace the {there} there")
 
 
-def _start_at_playhead(editor: Editor, pose: SavedPose, label: str) -> Iterator[None]:
+def _start_at_playhead(
+    editor: Editor, pose: SavedPose, label: str, before: Edit, frame: int
+) -> Iterator[None]:
     """Start from a pose at a frame of a clip, at whose other frames nothing changes.
 
     Present handles that the pose has not stay, on its surface, since they have keys elsewhere; its
     own ones get keys there (`Timeline.keyed`).
+
+    Args:
+        editor: shows the pose.
+        pose: the pose.
+        label: of the step.
+        before: the present state.
+        frame: the playhead.
     """
-    model, timeline, before, frame = (
-        editor.model,
-        editor.timeline,
-        editor.edit,
-        editor.timeline.frame,
-    )
+    model, timeline = editor.model, editor.timeline
     shown = yield from in_background(lambda: PoseWorker(model).final_pose(pose.edit, pose.solution))
     while timeline.waiting and not timeline.has_shapes:
         yield
-    if not editor.is_open or (editor.edit, timeline.frame) != (before, frame):
+    if not editor.is_open or editor.model is not model:
+        return
+    if (editor.edit, timeline.frame) != (before, frame):
+        editor.note(f"{label}: given up, since something else has changed the pose")
         return
     own = pose.with_ids(before.handles, editor.session.next_id())
     code_shape = posed_shape(model, shown.z, shown.rotation, shown.translation)

@@ -9,7 +9,7 @@ import pytest
 from deformer import InputError
 from deformer_app.rendering.palette import KINDS, SELECTED, rgb
 from deformer_app.viewer import filming
-from deformer_app.viewer.changes import MistakeMade, PlaybackBegun
+from deformer_app.viewer.changes import MistakeMade, NoticeGiven, PlaybackBegun
 from deformer_app.viewer.edit import Handle
 from deformer_app.viewer.gizmo import translation
 from deformer_app.viewer.pose_blend import PoseBlend
@@ -432,6 +432,20 @@ def test_a_pose_at_one_frame_leaves_the_poses_of_the_others(editor, timeline, cl
     editor.undo()
     finish(editor, clock)
     assert set(timeline.clip.names) == names
+
+
+def test_a_pose_gives_way_to_what_changes_meanwhile(editor, timeline, clock):
+    told = []
+    place(editor, clock, 10)
+    timeline.keys.set()
+    finish(editor, clock)
+    pose = save_pose(editor)
+    editor.on_change.append(told.append)
+    start_from(editor, pose, "Paste pose")
+    timeline.seek(20)
+    finish(editor, clock)
+    assert editor.session.entry.label != "Paste pose"
+    assert any("Paste pose: given up" in text for text in texts(told, NoticeGiven))
 
 
 def test_a_handle_that_is_placed_at_one_frame_pulls_at_no_other(editor, timeline, clock):
