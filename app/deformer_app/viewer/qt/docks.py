@@ -86,10 +86,12 @@ class Docks:
     Args:
         window: gets the docks.
         of: parts of the window that the panels use.
+        picture: gets the focus from a dock that another one covers.
     """
 
-    def __init__(self, window: QMainWindow, of: Surroundings) -> None:
+    def __init__(self, window: QMainWindow, of: Surroundings, picture: QWidget) -> None:
         """Add all of `DOCKS`."""
+        self._window, self._picture = window, picture
         self._docks: list[QDockWidget] = []
         self._timeline = of.editor.timeline
         self._reference = of.editor.state.reference_picture
@@ -105,6 +107,7 @@ class Docks:
             dock.setWidget(panel if entry.scrolls else _scrolling(panel))
             window.addDockWidget(_AREAS[entry.area], dock)
             dock.setVisible(entry.shown)
+            dock.visibilityChanged.connect(lambda seen, d=dock: seen or self._leave_covered(d))
             self._docks.append(dock)
             self._panels.append(panel)
         # Docks below the picture share its width, so only one of them is seen at a time.
@@ -124,6 +127,15 @@ class Docks:
     def panel(self, kind: type[_P]) -> _P:
         """Return the panel of a class."""
         return next(panel for panel in self._panels if isinstance(panel, kind))
+
+    def _leave_covered(self, dock: QDockWidget) -> None:
+        """Take the focus from a dock whose tab is not the one that is shown.
+
+        Its keys would change what the user does not see.
+        """
+        focus = self._window.focusWidget()
+        if dock.isVisible() and focus is not None and dock.isAncestorOf(focus):
+            self._picture.setFocus()
 
     def _open_timeline(self) -> None:
         """Open the dock of the timeline with the first key, or when the clip plays."""

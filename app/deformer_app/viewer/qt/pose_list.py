@@ -134,9 +134,12 @@ class PoseList(QListWidget):
             self.viewport().update()
 
     def _key(self, event: QKeyEvent) -> Callable[[], Any] | None:
-        """Return what a key does here, in place of what it does in the window."""
-        row = self.currentRow()
-        if row < 0 or self.state() == QAbstractItemView.State.EditingState:
+        """Return what a key does here, in place of what it does in the window.
+
+        Tab may lead to a list that another dock covers: its keys are the window's.
+        """
+        row, covered = self.currentRow(), self.visibleRegion().isEmpty()
+        if row < 0 or covered or self.state() == QAbstractItemView.State.EditingState:
             return None
         if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
             return lambda: self.started.emit(row)

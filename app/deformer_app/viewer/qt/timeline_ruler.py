@@ -31,6 +31,7 @@ class TimelineRuler(QWidget):
         super().__init__()
         self._timeline, self._scale = timeline, scale
         self.setFixedHeight(_HEIGHT)
+        self.setFocusPolicy(Qt.FocusPolicy.ClickFocus)  # keys are no longer those of a list
         self.setToolTip("Drag to move the playhead; the wheel zooms, with Shift it scrolls")
 
     def pixel(self, frame: float) -> float:

@@ -153,7 +153,9 @@ class Window(QMainWindow):
         self._trained = TrainedModels(self, self.files, self.pages)
         self.menus.recent.aboutToShow.connect(lambda: self.files.fill_recent(self.menus.recent))
         self.docks = Docks(
-            self, Surroundings(self.editor, self.thumbnails, self.settings, self.attempt)
+            self,
+            Surroundings(self.editor, self.thumbnails, self.settings, self.attempt),
+            self.plotter,
         )
         self.menus.menus["View"].addActions(list(self.docks.toggles))
         self._hint, self._times = ElidedLabel(), QLabel()

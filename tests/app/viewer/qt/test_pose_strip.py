@@ -226,6 +226,50 @@ def test_copy_and_paste_go_through_the_clipboard(app, window, strip):
     np.testing.assert_allclose(window.editor.code, strip.examples.poses[row].code)
 
 
+def raise_by_tab(app, window, hand, title):
+    """Click the tab of a dock below the picture."""
+    from PySide6.QtWidgets import QDockWidget, QTabBar
+
+    bars = [bar for bar in window.findChildren(QTabBar) if bar.parent() is window]
+    bar, n = next((b, k) for b in bars for k in range(b.count()) if b.tabText(k) == title)
+    hand(*over(bar, bar.tabRect(n).center()), "click", "1")
+    dock = window.findChild(QDockWidget, title)
+    wait_for(lambda: not dock.visibleRegion().isEmpty(), app.processEvents)
+
+
+def over(widget, at):
+    """Words for xdotool: the mouse to a point of a widget."""
+    x, y = widget.mapToGlobal(at).toTuple()
+    return "mousemove", str(x), str(y)
+
+
+def test_a_list_that_another_dock_covers_takes_no_key(app, window, strip, hand):
+    from PySide6.QtCore import Qt
+
+    place(window, 100)
+    save_pose(window.editor)
+    window.editor.timeline.keys.set()  # the timeline comes before the strip
+    rest(app, window)
+    for back_by_tab_key in (False, True):
+        raise_by_tab(app, window, hand, "Poses")
+        at = strip.saved.visualItemRect(strip.saved.item(0)).center()
+        hand(*over(strip.saved.viewport(), at), "click", "1")
+        wait_for(strip.saved.hasFocus, app.processEvents)
+        raise_by_tab(app, window, hand, "Timeline")
+        if back_by_tab_key:
+            strip.saved.setFocus(Qt.FocusReason.TabFocusReason)
+        else:
+            assert window.plotter.hasFocus()
+        hand("key", "ctrl+c")
+        rest(app, window)
+        assert window.notices.note.text.startswith("Copied the pose")
+        hand("key", "Delete")
+        rest(app, window)
+        assert not window.editor.edit.handles and names(strip.saved) == ["Pose 1"]
+        window.act("undo")
+        rest(app, window)
+
+
 def test_of_many_examples_a_few_are_shown_first(app, window, strip, tmp_path):
     from dataclasses import replace
 

@@ -197,6 +197,22 @@ def test_the_play_button_plays_in_real_time(app, window, panel, keyed, mouse):
     rest(app, window)
 
 
+def test_a_click_on_the_ruler_or_the_rows_takes_the_focus_from_a_field(
+    app, window, panel, keyed, hand
+):
+    from PySide6.QtCore import QPoint
+
+    for widget in (panel.ruler, panel.rows):
+        panel.frame.setFocus()
+        wait_for(panel.frame.hasFocus, app.processEvents)
+        at = widget.mapToGlobal(QPoint(round(panel.ruler.pixel(10)), 6)).toTuple()
+        hand("mousemove", *map(str, at), "click", "1")
+        wait_for(lambda: not panel.frame.hasFocus(), app.processEvents)
+        frame = keyed.frame
+        hand("key", "Right")
+        assert keyed.frame == frame + 1, "the arrow is the timeline's"
+
+
 def test_fields_change_the_clip_as_steps(app, window, panel, keyed):
     panel.length.setValue(60)
     panel.rate.setCurrentIndex(0)
