@@ -18,6 +18,7 @@ from deformer_app.viewer.changes import (
 )
 from deformer_app.viewer.editor import Editor
 from deformer_app.viewer.qt.later import later
+from deformer_app.viewer.settings import Settings
 from deformer_app.viewer.thumbnails import save_thumbnail
 
 _FIRST, _NEXT = 100, 1500  # milliseconds from a change until it is written
@@ -28,23 +29,25 @@ class Autosave:
     """Writes the session of an editor to a file while it has changes that no other file has.
 
     The first change is written at once, later ones when the pose is at rest, but none waits longer
-    than a few seconds.
+    than a few seconds. A file of a session that has no such changes any more, as by undo, is
+    deleted: a crash would offer what the user has left.
 
     Args:
         parent: the window.
         editor: has the session.
-        path: where it is written; its picture has the same name with the ending ".png".
+        settings: say where it is written; its picture has the same name with the ending ".png".
         file: says where the user has saved the session; None for nowhere.
 
     Attributes:
-        path: as given.
+        path: the file.
     """
 
     def __init__(
-        self, parent: QWidget, editor: Editor, path: Path, file: Callable[[], Path | None]
+        self, parent: QWidget, editor: Editor, settings: Settings, file: Callable[[], Path | None]
     ) -> None:
         """Listen to the editor."""
-        self._editor, self.path, self._file = editor, path, file
+        self._editor, self._settings, self._file = editor, settings, file
+        self.path = settings.autosave
         self._timer = later(parent, _NEXT, self._write_if_due)
         self._since = 0.0  # when the first change was made that is not written yet
         editor.on_change.append(self._hear)
@@ -76,7 +79,10 @@ class Autosave:
 
     def _write_if_due(self) -> None:
         editor = self._editor
-        if not editor.is_open or not editor.session.changed:
+        if not editor.is_open:
+            return
+        if not editor.session.changed:
+            self._settings.forget(self.path)
             return
         now, rests = time.monotonic(), editor.at_rest
         if rests or not self.path.exists() or now - self._since > _LONGEST:

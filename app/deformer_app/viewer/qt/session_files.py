@@ -48,7 +48,7 @@ class SessionFiles:
         """Begin without a model."""
         self._parent, self._host = parent, host
         self._file: Path | None = None
-        self.autosave = Autosave(parent, host.editor, host.settings.autosave, lambda: self._file)
+        self.autosave = Autosave(parent, host.editor, host.settings, lambda: self._file)
 
     @property
     def name(self) -> str:

@@ -687,6 +687,29 @@ def test_changes_are_saved_however_fast_they_follow_each_other(app, window):
     wait_for(lambda: len(Session.load(autosave).entries) > first, step)
 
 
+def test_a_crash_offers_nothing_once_the_session_is_as_saved(
+    app, window, tmp_path, monkeypatch, hand
+):
+    autosave, editor = window.settings.autosave, window.editor
+    for vertex in (100, 60, 20):
+        place(window, vertex)
+    rest(app, window)
+    monkeypatch.setattr(window, "ask_save", lambda *_: tmp_path / "work.json")
+    assert window.save(False) and not autosave.exists()
+    for _ in range(3):
+        hand("key", "ctrl+z")
+    wait_for(autosave.exists, app.processEvents)
+    assert window.isWindowModified()
+    for _ in range(3):
+        hand("key", "ctrl+shift+z")
+    rest(app, window)
+    assert len(editor.edit.handles) == 3 and not window.isWindowModified()
+    wait_for(lambda: not autosave.exists(), app.processEvents)
+    assert not autosave.with_suffix(".png").exists()
+    hand("key", "ctrl+z")
+    wait_for(autosave.exists, app.processEvents)
+
+
 def test_the_right_button_has_a_menu_for_what_is_under_it(app, window):
     from deformer_app.viewer.changes import MenuAsked
     from deformer_app.viewer.stage import Hover
