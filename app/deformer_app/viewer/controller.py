@@ -55,7 +55,12 @@ class Controller:
         self._stage = stage
         self._running: list[_Running] = []  # at most two; the mouse moves the last one
         self._at: Pixel = (0.0, 0.0)
-        self._inside = False  # true while the mouse is over the picture
+        self._inside = False
+
+    @property
+    def inside(self) -> bool:
+        """True while the mouse is over the picture."""
+        return self._inside
 
     @property
     def dragging(self) -> bool:

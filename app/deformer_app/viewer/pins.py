@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from deformer_app.viewer.edit import Edit, Handle
 from deformer_app.viewer.handle_changes import gaps_of, with_disc, with_kind
+from deformer_app.viewer.stage import Hover
 
 if TYPE_CHECKING:
     from deformer_app.viewer.editor import Editor
@@ -61,7 +62,15 @@ class Pins:
             return
         if found.handle is not None and found.handle not in editor.handles.selected:
             editor.handles.select([found.handle])
+        others = [h for h in editor.state.selection(editor.edit.handles) if h.kind != "pin"]
         editor.handles.set_kind("pin")
+        if others and editor.controller.inside and found == Hover(side=found.side):
+            self._tell_of_selected(len(editor.handles.selected))
+
+    def _tell_of_selected(self, count: int) -> None:
+        """Say that what is selected has become pins, not what the mouse has just missed."""
+        what = "selected handle" if count == 1 else f"{count} selected handles"
+        self._editor.note(f"Pinned the {what}: the mouse is on no part of the body")
 
     def pin_at(self, vertex: int) -> None:
         """Pin the surface at a vertex, or the handle that is there, as a step of the history."""

@@ -117,6 +117,31 @@ def test_a_pull_at_a_pinned_region_tells_of_the_pin(editor, heard):
     assert editor.edit.handles == (region,) and "Pinned" in texts(heard, NoticeGiven)[-1]
 
 
+def test_a_key_beside_the_body_tells_that_it_pins_what_is_selected(editor, heard):
+    on_body = {height: seen(editor, height) for height in (0.1, 0.5, 0.9)}
+
+    def told(selected, move, at):
+        """Notices of P with some handles selected, after an event of the mouse."""
+        editor.prior.reset()
+        for height in selected:
+            editor.handles.place(on_body[height][0], add=True)
+        editor.commit("Place handle")
+        finish(editor)
+        before = len(texts(heard, NoticeGiven))
+        event(editor, move, at)
+        press(editor, "P")
+        assert {handle.kind for handle in editor.edit.handles} == {"pin"}
+        press(editor, "P")
+        return texts(heard, NoticeGiven)[before:]
+
+    end = ": the mouse is on no part of the body"
+    assert told([0.1, 0.9], "MouseMove", (3, 3)) == ["Pinned the 2 selected handles" + end]
+    assert told([0.1], "MouseMove", (3, 3)) == ["Pinned the selected handle" + end]
+    at_handle = pixel_of(editor, editor.edit.handles[0])
+    assert told([0.1], "MouseMove", at_handle) == []
+    assert told([0.1, 0.9], "Leave", (3, 3)) == [], "the mouse is at a menu or a button"
+
+
 @pytest.mark.parametrize("at_pin", [True, False])
 def test_a_key_makes_no_step_for_a_pin_that_is_one(editor, pin, at_pin):
     _, end = seen(editor, 0.95)
