@@ -20,14 +20,14 @@ _UNDO, _REDO = QKeySequence.StandardKey.Undo, QKeySequence.StandardKey.Redo
 _RETURN = {Qt.Key.Key_Return, Qt.Key.Key_Enter}
 _PLAIN = (Qt.KeyboardModifier.NoModifier, Qt.KeyboardModifier.KeypadModifier)
 _KEYS: tuple[tuple[type, set[Qt.Key]], ...] = (
-    (QAbstractSlider, _ARROWS),
+    (QAbstractSlider, _ARROWS | {Qt.Key.Key_Home}),
     (QAbstractItemView, _ARROWS | _SPACE),
     (QAbstractButton, _SPACE),
 )
 
 
 class OwnKeys(QObject):
-    """Lets sliders and lists keep the arrows, buttons and lists the space bar, buttons Return.
+    """Lets sliders and lists keep the arrows, sliders Home, lists the space bar, buttons Return.
 
     Qt asks the widget with the focus before it runs an action's shortcut; these widgets would not
     claim keys that they use. Return would press a dialog's default button only, if it has one. A

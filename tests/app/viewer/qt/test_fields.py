@@ -201,6 +201,22 @@ def test_a_key_that_is_held_on_a_slider_makes_one_step_of_the_history(app, at_wo
     hand("keyup", "Right")
 
 
+def test_a_slider_with_the_focus_keeps_the_keys_of_its_ends(app, at_work, hand):
+    from deformer_app.viewer.qt.component_panel import ComponentPanel
+    from deformer_app.viewer.qt.model_panel import ModelPanel
+
+    component = next(iter(at_work.docks.panel(ComponentPanel).sliders.values()))
+    for slider in (at_work.docks.panel(ModelPanel).prior, component):
+        slider.setFocus()
+        wait_for(slider.hasFocus, app.processEvents)
+        camera = at_work.editor.state.camera
+        for key, end in (("Home", slider.minimum()), ("End", slider.maximum())):
+            hand("key", key)
+            wait_for(lambda s=slider, end=end: s.value() == end, app.processEvents)
+            rest(app, at_work)
+        assert at_work.editor.state.camera == camera, "Home frames nothing"
+
+
 def test_a_typed_coordinate_leaves_the_others_as_exact_as_they_are(app, at_work, hand):
     editor, field = at_work.editor, place_field(at_work)
     editor.handles.set_centre([0.123456789, 0.2, 0.987654321])
