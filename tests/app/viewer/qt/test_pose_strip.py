@@ -204,6 +204,29 @@ def test_the_slider_blends_with_the_selected_pose(app, window, strip):
     assert strip.blend.value() == 0
 
 
+def test_the_label_of_a_blend_tells_its_share(app, window, strip, hand):
+    from PySide6.QtWidgets import QLabel
+
+    def told():
+        rest(app, window)
+        (label,) = (x for x in strip.findChildren(QLabel) if x.text().startswith("Blend"))
+        return label.text()
+
+    assert told() == "Blend with a selected pose"
+    click(strip.examples, names(strip.examples).index("Shape 4"))
+    assert told() == "Blend with Shape 4"
+    strip.blend.setFocus()
+    wait_for(strip.blend.hasFocus, app.processEvents)
+    hand("key", "End")
+    assert told() == "Blend with Shape 4: 100 %"
+    for _ in range(10):
+        hand("key", "Left")
+    assert told() == f"Blend with Shape 4: {strip.blend.value() / 10:.0f} %"
+    assert 0 < strip.blend.value() < 1000
+    hand("key", "Home")
+    assert told() == "Blend with Shape 4"
+
+
 def test_copy_and_paste_go_through_the_clipboard(app, window, strip):
     from PySide6.QtCore import Qt
     from PySide6.QtTest import QTest
@@ -331,6 +354,8 @@ def test_the_slider_of_a_blend_stays_where_it_is(app, window, strip, size):
     for shown, row in ((strip.examples, 0), (strip.examples, 3), (strip.saved, 0)):
         rest(app, window)
         click(shown, row)
+        assert place() == before
+        strip.blend.setValue(350)  # its label has a number then
         assert place() == before
 
 
