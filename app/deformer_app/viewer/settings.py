@@ -15,7 +15,7 @@ from deformer import InputError, io
 
 _RECENT = 10
 _THUMBNAILS = "thumbnails"  # folder of the pictures of recent files
-_MODELS = 50  # whose pinned components are remembered
+_MODELS = 50  # whose favourite components are remembered
 
 
 class EditInterrupted(KeyboardInterrupt):
@@ -129,18 +129,18 @@ class Settings:
         """Remember the order in which components are listed."""
         self._write(component_order=order)
 
-    def pinned(self, fingerprint: str) -> list[int]:
-        """Pinned components of the model with a fingerprint, in the order of pinning."""
-        found = self._pinned().get(fingerprint, [])
+    def favourites(self, fingerprint: str) -> list[int]:
+        """Favourite components of the model with a fingerprint, in the order of choosing."""
+        found = self._favourites().get(fingerprint, [])
         return [k for k in found if type(k) is int and k >= 0] if isinstance(found, list) else []
 
-    def note_pinned(self, fingerprint: str, components: Sequence[int]) -> None:
-        """Remember the pinned components of a model."""
-        others = {key: value for key, value in self._pinned().items() if key != fingerprint}
+    def note_favourites(self, fingerprint: str, components: Sequence[int]) -> None:
+        """Remember the favourite components of a model."""
+        others = {key: value for key, value in self._favourites().items() if key != fingerprint}
         newest = {fingerprint: list(components)} if components else {}
         self._write(pinned=dict([*others.items(), *newest.items()][-_MODELS:]))
 
-    def _pinned(self) -> dict[str, Any]:
+    def _favourites(self) -> dict[str, Any]:
         found = self._read().get("pinned", {})
         return found if isinstance(found, dict) else {}
 

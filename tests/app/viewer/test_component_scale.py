@@ -157,16 +157,16 @@ def test_a_model_that_cannot_be_written_leaves_the_name_to_the_session(editor, h
     assert any("read only" in text for text in texts(heard, NoticeGiven))
 
 
-def test_pinned_components_are_remembered_by_model(tmp_path):
-    Settings(tmp_path).note_pinned("ab", [3, 1])
+def test_favourite_components_are_remembered_by_model(tmp_path):
+    Settings(tmp_path).note_favourites("ab", [3, 1])
     again = Settings(tmp_path)
-    assert again.pinned("ab") == [3, 1] and again.pinned("cd") == []
-    again.note_pinned("cd", [0])
-    again.note_pinned("ab", [])
-    assert again.pinned("ab") == [] and again.pinned("cd") == [0]
+    assert again.favourites("ab") == [3, 1] and again.favourites("cd") == []
+    again.note_favourites("cd", [0])
+    again.note_favourites("ab", [])
+    assert again.favourites("ab") == [] and again.favourites("cd") == [0]
 
 
 @pytest.mark.parametrize("damage", ['{"pinned": 3}', '{"pinned": {"ab": "x"}}', "nonsense"])
-def test_damaged_settings_pin_nothing(tmp_path, damage):
+def test_damaged_settings_have_no_favourites(tmp_path, damage):
     (tmp_path / "settings.json").write_text(damage)
-    assert Settings(tmp_path).pinned("ab") == []
+    assert Settings(tmp_path).favourites("ab") == []

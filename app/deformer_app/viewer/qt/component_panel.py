@@ -30,7 +30,7 @@ _ORDERS = {"region": "By region", "strength": "By strength"}
 
 
 class ComponentPanel(QWidget):
-    """A row for every component: pinned ones first, then by region or by strength.
+    """A row for every component: favourites first, then by region or by strength.
 
     Args:
         of: parts of the window that the panel uses.
@@ -84,10 +84,10 @@ class ComponentPanel(QWidget):
         return {row.component: row.slider for section in self.sections for row in section.rows}
 
     @property
-    def pinned(self) -> list[int]:
-        """Pinned components of the model, in the order of pinning."""
+    def favourites(self) -> list[int]:
+        """Favourite components of the model, in the order of choosing."""
         editor = self._editor
-        stored = self._settings.pinned(editor.model.fingerprint)
+        stored = self._settings.favourites(editor.model.fingerprint)
         return [k for k in stored if k < editor.model.components]
 
     def model_changed(self) -> None:
@@ -120,7 +120,7 @@ class ComponentPanel(QWidget):
                 k,
                 ComponentScale.of(known, k),
                 float(known.strength[k]) / strongest,
-                lambda on, k=k: self._pin(k, on),
+                lambda on, k=k: self._set_favourite(k, on),
                 self._of.attempt,
             )
             if n % _AT_ONCE == 0:
@@ -133,17 +133,17 @@ class ComponentPanel(QWidget):
 
     def _arrange(self) -> None:
         """Put the rows into sections."""
-        pinned = self.pinned
+        favourites = self.favourites
         for k, row in self.rows.items():
             row.setParent(None)
-            row.pin.setChecked(k in pinned)
+            row.star.setChecked(k in favourites)
         folded = {section.title for section in self.sections if section.folded}
         self.sections = []
         body = QWidget()
         column = QVBoxLayout(body)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(0)
-        for title, components in self._groups(pinned):
+        for title, components in self._groups(favourites):
             section = _Section(title, [self.rows[k] for k in components])
             section.fold(title in folded)
             self.sections.append(section)
@@ -153,14 +153,14 @@ class ComponentPanel(QWidget):
         self._filter()
         self.refresh()
 
-    def _groups(self, pinned: list[int]) -> Iterable[tuple[str, list[int]]]:
+    def _groups(self, favourites: list[int]) -> Iterable[tuple[str, list[int]]]:
         """Titles and components of the sections; a component is in one of them."""
         editor = self._editor
-        if pinned:
-            yield "Pinned", pinned
-        others = [k for k in self.rows if k not in pinned]
+        if favourites:
+            yield "Favourites", favourites
+        others = [k for k in self.rows if k not in favourites]
         if self.order.currentData() == "strength":
-            yield "All" if not pinned else "Others", others
+            yield "All" if not favourites else "Others", others
             return
         regions = editor.regions
         names = region_names(
@@ -169,7 +169,7 @@ class ComponentPanel(QWidget):
             editor.state.viewpoint.up,
         )
         for name, region in zip(names, regions, strict=True):
-            inside = [k for k in region.components if k not in pinned]
+            inside = [k for k in region.components if k not in favourites]
             if inside:
                 yield name, inside
 
@@ -178,9 +178,9 @@ class ComponentPanel(QWidget):
         if self._shown is not None:
             self._arrange()
 
-    def _pin(self, component: int, on: bool) -> None:
-        pinned = [k for k in self.pinned if k != component] + [component] * on
-        self._settings.note_pinned(self._editor.model.fingerprint, pinned)
+    def _set_favourite(self, component: int, on: bool) -> None:
+        favourites = [k for k in self.favourites if k != component] + [component] * on
+        self._settings.note_favourites(self._editor.model.fingerprint, favourites)
         self._arrange()
 
     def _filter(self) -> None:

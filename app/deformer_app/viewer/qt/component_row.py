@@ -39,7 +39,7 @@ class ComponentRow(QWidget):
         component: index k.
         scale: of the component.
         strength: share of the strongest component's, 0 to 1.
-        pin: called with True or False when the user pins or unpins the row.
+        favourite: called with True when the user makes the row a favourite, else with False.
         attempt: runs a function and shows the user's mistakes.
 
     Attributes:
@@ -47,7 +47,7 @@ class ComponentRow(QWidget):
         name: its name; editable after a double click or F2.
         slider: of its weight.
         value: its weight as a number.
-        pin: button that keeps the row at the top.
+        star: button that keeps the row at the top.
         extremes: pictures of the shapes at both ends of the examples.
     """
 
@@ -58,7 +58,7 @@ class ComponentRow(QWidget):
         component: int,
         scale: ComponentScale,
         strength: float,
-        pin: Callable[[bool], Any],
+        favourite: Callable[[bool], Any],
         attempt: Callable[[Callable[[], Any]], Any],
     ) -> None:
         """Lay out; `refresh` fills it."""
@@ -68,9 +68,9 @@ class ComponentRow(QWidget):
         self.name = EditableLabel(
             lambda text: attempt(lambda: rename_component(editor, component, text))
         )
-        self.pin = _button("☆", "Keep at the top", checkable=True)
-        self.pin.toggled.connect(lambda on: self.pin.setText("★" if on else "☆"))
-        self.pin.clicked.connect(pin)
+        self.star = _button("☆", "Favourite: keep it at the top", checkable=True)
+        self.star.toggled.connect(lambda on: self.star.setText("★" if on else "☆"))
+        self.star.clicked.connect(favourite)
         self._colour = _button("◐", "Keep coloured where it acts", checkable=True)
         self._colour.clicked.connect(
             lambda on: editor.picture.change_look(
@@ -96,7 +96,7 @@ class ComponentRow(QWidget):
         )
         top = QHBoxLayout()
         top.setSpacing(2)
-        for widget in (self.pin, self.name, bar, self._colour, self.value, reset):
+        for widget in (self.star, self.name, bar, self._colour, self.value, reset):
             top.addWidget(widget, 1 if widget is self.name else 0)
         grid = QGridLayout(self)
         grid.setContentsMargins(4, 2, 4, 4)

@@ -165,17 +165,19 @@ def test_a_name_is_edited_in_its_place(app, window, panel):
     assert other.name.text() == "Component 1"
 
 
-def test_a_pinned_component_is_first_and_is_so_in_the_next_window(app, window, panel, model_path):
+def test_a_favourite_component_is_first_and_is_so_in_the_next_window(
+    app, window, panel, model_path
+):
     k = list(panel.sliders)[-1]
-    panel.rows[k].pin.click()
-    assert next(iter(panel.sliders)) == k and panel.sections[0].title == "Pinned"
+    panel.rows[k].star.click()
+    assert next(iter(panel.sliders)) == k and panel.sections[0].title == "Favourites"
     assert sorted(panel.sliders) == list(range(6)), "each component has one row"
-    assert Settings(window.settings.folder).pinned(window.editor.model.fingerprint) == [k]
+    assert Settings(window.settings.folder).favourites(window.editor.model.fingerprint) == [k]
     window.editor.open_model(model_path)
     wait_for(lambda: panel.rows and window.idle, app.processEvents)
-    assert next(iter(panel.sliders)) == k and panel.rows[k].pin.isChecked()
-    panel.rows[k].pin.click()
-    assert panel.sections[0].title != "Pinned" and panel.pinned == []
+    assert next(iter(panel.sliders)) == k and panel.rows[k].star.isChecked()
+    panel.rows[k].star.click()
+    assert panel.sections[0].title != "Favourites" and panel.favourites == []
 
 
 def test_a_name_is_shown_as_it_was_typed_and_sections_tell_their_numbers(app, window, panel):
@@ -203,7 +205,7 @@ def test_only_the_focus_draws_a_ring(app, window, panel, hand, dark):
 
     window.choose_theme(dark)
     rest(app, window)
-    star = panel.rows[int(window.editor.activations.order[0])].pin
+    star = panel.rows[int(window.editor.activations.order[0])].star
     at = window.plotter.mapFromGlobal(star.mapToGlobal(star.rect().center())).toTuple()
     hand(at, "click", "1")
     wait_for(star.isChecked, app.processEvents)
