@@ -385,13 +385,19 @@ class Editor:
         self.session.change(edit)
         self.ask(moving=True)
 
-    def commit(self, label: str, known: Solution | None = None) -> None:
-        """Make the current change one step of the history; `known` is its pose at rest, if any."""
+    def commit(self, label: str, known: Solution | None = None, whole: bool = False) -> None:
+        """Make the current change one step of the history.
+
+        Args:
+            label: what was done, in words for the user.
+            known: its pose at rest, if there is one.
+            whole: True for a pose as a whole: auto-key keys all of it, not only what has changed.
+        """
         self.before_drag = None
         answer, solution = self.answer, known
         if known is None and answer and answer.request.edit == self.edit:
             solution = answer.solution
-        clip = self.timeline.keyed(self.session.entry.edit, self.edit)
+        clip = self.timeline.keyed(self.session.entry.edit, self.edit, whole)
         if self.session.commit(label, solution, clip):
             self.announce(HistoryChanged(), HandlesChanged())
         elif known is not None:  # the same state, but perhaps not the same of its minima
@@ -417,7 +423,12 @@ class Editor:
         self.state.invalidate()
 
     def change(
-        self, label: str, edit: Edit, both_sides: bool = True, solution: Solution | None = None
+        self,
+        label: str,
+        edit: Edit,
+        both_sides: bool = True,
+        solution: Solution | None = None,
+        whole: bool = False,
     ) -> None:
         """Make a state the next step of the history and solve for it.
 
@@ -426,10 +437,11 @@ class Editor:
             edit: the state.
             both_sides: False if the live mirror has nothing to add.
             solution: its pose at rest, if that is known.
+            whole: as in `commit`.
         """
         self.session.change(self.mirror.completed(edit) if both_sides else edit)
         self.state.forget_missing(edit.handles)
-        self.commit(label, solution)
+        self.commit(label, solution, whole)
 
     def restore(self, label: str, edit: Edit, solution: Solution | None) -> None:
         """Make a state the next step of the history and solve for it from a solution."""

@@ -98,4 +98,4 @@ class PoseBlend:
         """Make the blend a step of the history."""
         editor = self._editor
         if self._chosen is not None and editor.session.under_way and editor.edit == self._result:
-            editor.commit(f"Blend with {self._chosen.name}", self._known)
+            editor.commit(f"Blend with {self._chosen.name}", self._known, whole=True)

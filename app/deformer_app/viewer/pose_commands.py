@@ -127,7 +127,9 @@ def _start_at_playhead(
     ]
     edit = replace(before.with_handles([*own.handles, *kept]), base=own.base)
     alike = replace(own, base=edit.base, handles=edit.handles) == edit
-    editor.change(label, edit, both_sides=False, solution=pose.solution if alike else None)
+    editor.change(
+        label, edit, both_sides=False, solution=pose.solution if alike else None, whole=True
+    )
 
 
 def copied(editor: Editor, pose: SavedPose | None = None) -> str:

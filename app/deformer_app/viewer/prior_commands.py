@@ -50,7 +50,7 @@ class PriorCommands:
         editor = self._editor
         base = tuple(float(value) for value in np.asarray(code))
         edit, solution = PosePath(editor.model, editor.edit, SavedPose.of_code(label, base)).at(1.0)
-        editor.change(label, edit, both_sides=False, solution=solution)
+        editor.change(label, edit, both_sides=False, solution=solution, whole=True)
         if any(handle.kind == "pin" for handle in edit.handles):
             editor.note("Pins hold; delete them or make them soft for the whole pose")
 

@@ -141,7 +141,7 @@ class PoseStrip(QWidget):
         poses = editor.session.shelf.poses
         self.saved.show_poses([NamedCode(pose.name, pose.code) for pose in poses])
         self.blend.setEnabled(self._blend.chosen is not None)
-        share = f": {100 * self._blend.share:.0f} %" if self._blend.share else ""
+        share = f": {int(100 * self._blend.share)} %" if self._blend.share else ""
         self._blend_label.setText(f"Blend with {self._blend.chosen or 'a selected pose'}{share}")
         self.blend.show_position(STEPS * self._blend.share)
         if editor.state.view.theme is not self._theme:

@@ -272,9 +272,11 @@ class Timeline:
         if change_clip(self._editor, label, clip):
             self.seek(self.frame)
 
-    def keyed(self, before: Edit, after: Edit) -> Clip:
+    def keyed(self, before: Edit, after: Edit, whole: bool = False) -> Clip:
         """The clip that goes with a step from one state to another: keyed, if auto-key is on.
 
+        Keys are for what has changed; of a `whole` pose for all of it, so that later changes at
+        other frames do not reach it.
         New handles get a key at the other frames that have keys, too, where the shapes are that
         were fitted last: one key alone would pull at all frames.
         """
@@ -283,7 +285,9 @@ class Timeline:
             return clip
         known = {handle.id for handle in before.handles}
         new = [handle for handle in after.handles if handle.id not in known]
-        keys = keys_of(after, self.frame, changed_owners(before, after))
+        changed = changed_owners(before, after)
+        owners = [SLIDERS, *(handle.id for handle in after.handles)] if whole else changed
+        keys = keys_of(after, self.frame, owners)
         return clip.with_keys(continued(clip, [*self._elsewhere(new), *keys]))
 
     def _elsewhere(self, handles: Sequence[Handle]) -> list[tuple[int, Key]]:

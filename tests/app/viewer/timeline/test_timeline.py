@@ -421,6 +421,7 @@ def test_a_pose_at_one_frame_leaves_the_poses_of_the_others(editor, timeline, cl
         start_from(editor, second if frame == 20 else first)
         finish(editor, clock)
     assert names < set(timeline.clip.names)
+    assert {(SLIDERS, 20), (SLIDERS, 40)} < set(timeline.clip.names), "the whole pose is keyed"
     assert {h.vertices[0] for h in editor.edit.handles} == {10, 60, 110}
     for frame, shape in {**shapes, 40: shapes[0]}.items():
         timeline.seek(frame)
