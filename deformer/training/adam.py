@@ -235,20 +235,45 @@ def fit(
     resolve_device(device)
     ranks = Ranks()
     try:
-        ranks.tell((x, indptr, rings, geodesics, config, seed, device))
-        descent = _prepared(x, indptr, rings, geodesics, config, seed, device, ranks=ranks)
-        outcome = run_training(
-            descent,
-            settings.epochs,
-            identity_of(x, config, seed),
+        # Its network is gone before the connection that averages the gradients.
+        found = _lead(
+            x,
+            indptr,
+            rings,
+            geodesics,
+            config,
+            settings,
+            seed,
+            device,
+            ranks,
             checkpoint=checkpoint,
             resume=resume,
             on_progress=on_progress,
         )
-        ranks.tell(None)  # the others have no more to do
         ranks.meet()
     finally:
         ranks.leave()
+    return found
+
+
+def _lead(
+    x: FloatArray,
+    indptr: IntArray,
+    rings: IntArray,
+    geodesics: Geodesics | SiteGeodesics,
+    config: ModelConfig,
+    settings: AdamSettings,
+    seed: int,
+    device: str,
+    ranks: Ranks,
+    **options: Any,
+) -> TrainingResult:
+    """Take the steps, and tell them to the other processes."""
+    ranks.tell((x, indptr, rings, geodesics, config, seed, device))
+    descent = _prepared(x, indptr, rings, geodesics, config, seed, device, ranks=ranks)
+    identity = identity_of(x, config, seed)
+    outcome = run_training(descent, settings.epochs, identity, **options)
+    ranks.tell(None)  # the others have no more to do
     weights = descent.weights().pruned(settings.pruning)
     return TrainingResult(weights, descent.loss, descent.reconstruction, *outcome)
 

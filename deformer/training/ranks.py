@@ -7,6 +7,7 @@ other shapes; DistributedDataParallel averages the gradients.
 
 from __future__ import annotations
 
+import gc
 import os
 from datetime import timedelta
 from typing import Any
@@ -46,8 +47,12 @@ class Ranks:
             distributed.barrier()
 
     def leave(self) -> None:
-        """End the connection to the others."""
+        """End the connection to the others, once nothing uses it.
+
+        What still has it at the end of the process may abort that: networks are in cycles.
+        """
         if self.count > 1:
+            gc.collect()
             distributed.destroy_process_group()
 
     def device(self, name: str) -> torch.device:
