@@ -123,6 +123,11 @@ class Edit:
     body: Body = "auto"
     floor: float | None = None
 
+    @property
+    def settings(self) -> tuple[float, Body, float | None]:
+        """Noise, body and floor: what a pose depends on beside its base and handles."""
+        return self.noise, self.body, self.floor
+
     def handle(self, number: int) -> Handle:
         """Return the handle with an id."""
         return next(handle for handle in self.handles if handle.id == number)

@@ -28,14 +28,19 @@ def read_handle(item: io.JsonValue) -> Handle:
         item["weight"].number(above=0, most=io.LARGEST),
         tuple(item["patch"].integers(least=0)),
         orientation_weight=item[factor].number(above=0, most=1e4) if factor in item else 1.0,
-        gaps=_gaps(item, len(vertices)),
+        gaps=read_gaps(item, len(vertices)),
         radius=item["radius"].number(least=0, most=io.LARGEST) if "radius" in item else 0.0,
         name=item["name"].text() if "name" in item else "",
     )
     return handle if turn is None else handle.oriented(item["orientation"].rotation())
 
 
-def _gaps(item: io.JsonValue, count: int) -> tuple[Point, ...]:
+def read_gaps(item: io.JsonValue, count: int) -> tuple[Point, ...]:
+    """Read the gaps of `count` targets; none where there are none.
+
+    Raises:
+        InputError: another number of them, or what is no vector.
+    """
     if "gaps" not in item or item["gaps"].value == []:
         return ()
     return tuple(point(gap.numbers(3, largest=io.LARGEST)) for gap in item["gaps"].items(count))

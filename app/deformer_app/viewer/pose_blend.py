@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,14 +83,14 @@ class PoseBlend:
     def _way(self, chosen: SavedPose) -> PosePath:
         """The path from the present state, with the chosen pose's handles on its surface."""
         editor = self._editor
-        edit, first = editor.edit, editor.session.next_id()
-        there = {handle.vertices for handle in edit.handles}
-        missing = [handle for handle in chosen.handles if handle.vertices not in there]
+        edit = editor.edit
+        self._arrived = chosen.with_ids(edit.handles, editor.session.next_id())
+        present = {handle.id for handle in edit.handles}
         added = [
-            editor.handles.on_surface(replace(handle, id=first + n))
-            for n, handle in enumerate(missing)
+            editor.handles.on_surface(handle)
+            for handle in self._arrived.handles
+            if handle.id not in present
         ]
-        self._arrived = chosen.with_ids((*edit.handles, *added), first + len(added))
         return PosePath(editor.model, edit, chosen, added, self._shown)
 
     def commit(self) -> None:

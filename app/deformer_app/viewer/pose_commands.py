@@ -126,10 +126,8 @@ def _start_at_playhead(
         if handle.id not in taken
     ]
     edit = replace(before.with_handles([*own.handles, *kept]), base=own.base)
-    alike = replace(own, base=edit.base, handles=edit.handles) == edit
-    editor.change(
-        label, edit, both_sides=False, solution=pose.solution if alike else None, whole=True
-    )
+    solution = pose.solution if own.settings == edit.settings else None
+    editor.change(label, edit, both_sides=False, solution=solution, whole=True)
 
 
 def copied(editor: Editor, pose: SavedPose | None = None) -> str:

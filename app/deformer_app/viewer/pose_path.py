@@ -84,9 +84,9 @@ class PosePath:
         shape = self._model.decode(np.array(base))
         turns = _rotations(self._model, self._handles, shape)
         handles = tuple(
-            self._placed(n, _mixed(*pair, share), shape, R, share)
-            for n, (pair, R) in enumerate(
-                zip(zip(self._before, self._after, strict=True), turns, strict=True)
+            self._placed(n, _mixed(before, after, share), shape, R, share)
+            for n, (before, after, R) in enumerate(
+                zip(self._before, self._after, turns, strict=True)
             )
         )
         edit = replace(self._start, base=base, handles=handles)
@@ -111,7 +111,7 @@ class PosePath:
         if not edit.handles:
             return Solution.of_code(edit.base)
         end = self._end.edit
-        alike = (edit.noise, edit.body, edit.floor) == (end.noise, end.body, end.floor)
+        alike = edit.settings == end.settings
         ended = share == 1.0 and not self._held
         return self._end.shown if ended and (not end.handles or (alike and self._common)) else None
 

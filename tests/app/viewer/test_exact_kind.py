@@ -9,6 +9,16 @@ from deformer_app.viewer.gizmo import translation
 from off_screen_editor import finish, texts
 
 
+def pull_short(editor):
+    """Drag a soft handle, which the surface does not follow to its target."""
+    editor.handles.place(100)
+    editor.commit("Place")
+    editor.change("Noise", replace(editor.edit, noise=0.05))
+    editor.handles.move_selected(translation([0.0, 0.3, 0.1]))
+    editor.commit("Drag")
+    finish(editor)
+
+
 def test_an_exact_handle_takes_the_surface_along_smoothly_and_says_how_far(editor):
     told, drawn = [], []
 
@@ -18,12 +28,7 @@ def test_an_exact_handle_takes_the_surface_along_smoothly_and_says_how_far(edito
             told.append((change.text, np.linalg.norm(editor.vertices[100] - handle.centre) / size))
 
     size = editor.model.reference.bounding_diagonal
-    editor.handles.place(100)
-    editor.commit("Place")
-    editor.change("Noise", replace(editor.edit, noise=0.05))
-    editor.handles.move_selected(translation([0.0, 0.3, 0.1]))
-    editor.commit("Drag")
-    finish(editor)
+    pull_short(editor)
     before, (handle,) = editor.vertices.copy(), editor.edit.handles
     off = np.linalg.norm(before[100] - handle.centre) / size
     assert off > 0.01
@@ -41,12 +46,7 @@ def test_an_exact_handle_takes_the_surface_along_smoothly_and_says_how_far(edito
 
 
 def test_what_is_undone_before_the_surface_has_moved_is_not_told(editor, heard):
-    editor.handles.place(100)
-    editor.commit("Place")
-    editor.change("Noise", replace(editor.edit, noise=0.05))
-    editor.handles.move_selected(translation([0.0, 0.3, 0.1]))
-    editor.commit("Drag")
-    finish(editor)
+    pull_short(editor)
     editor.handles.set_kind("exact")
     editor.undo()
     finish(editor)

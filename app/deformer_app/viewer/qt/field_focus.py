@@ -10,7 +10,6 @@ from PySide6.QtWidgets import (
     QAbstractButton,
     QAbstractItemView,
     QAbstractSpinBox,
-    QApplication,
     QDoubleSpinBox,
     QLineEdit,
     QMainWindow,
@@ -19,10 +18,12 @@ from PySide6.QtWidgets import (
 )
 from shiboken6 import isValid
 
+from deformer_app.viewer.qt.application_filter import ApplicationFilter
+
 _LEAVE = (Qt.Key.Key_Return, Qt.Key.Key_Enter, Qt.Key.Key_Escape)
 
 
-class FieldFocus(QObject):
+class FieldFocus(ApplicationFilter):
     """Moves the focus to the picture from a field after Enter or Esc, from a button after a click.
 
     Letters, digits and the space bar are keys of actions again then. Esc drops the number that is
@@ -38,9 +39,6 @@ class FieldFocus(QObject):
         """Watch the application's events as long as the window lives."""
         super().__init__(window)
         self._window, self._picture = window, picture
-        application = QApplication.instance()
-        assert application is not None
-        application.installEventFilter(self)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """Let the field have the key's release only after the focus has gone."""

@@ -9,10 +9,11 @@ from PySide6.QtWidgets import (
     QAbstractItemView,
     QAbstractSlider,
     QAbstractSpinBox,
-    QApplication,
     QPushButton,
     QToolButton,
 )
+
+from deformer_app.viewer.qt.application_filter import ApplicationFilter
 
 _ARROWS = {Qt.Key.Key_Left, Qt.Key.Key_Right}
 _SPACE = {Qt.Key.Key_Space}
@@ -26,20 +27,13 @@ _KEYS: tuple[tuple[type, set[Qt.Key]], ...] = (
 )
 
 
-class OwnKeys(QObject):
+class OwnKeys(ApplicationFilter):
     """Lets sliders and lists keep the arrows, sliders Home, lists the space bar, buttons Return.
 
     Qt asks the widget with the focus before it runs an action's shortcut; these widgets would not
     claim keys that they use. Return would press a dialog's default button only, if it has one. A
     field of a number would keep Ctrl+Z although nothing is being typed in it.
     """
-
-    def __init__(self, parent: QObject) -> None:
-        """Watch the application's events as long as the parent lives."""
-        super().__init__(parent)
-        application = QApplication.instance()
-        assert application is not None
-        application.installEventFilter(self)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """Claim a key for the widget that uses it, and press a button by Return."""

@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 from PySide6.QtCore import QEvent, QObject, Qt
-from PySide6.QtWidgets import QAbstractSpinBox, QApplication, QComboBox, QSlider
+from PySide6.QtWidgets import QAbstractSpinBox, QComboBox, QSlider
+
+from deformer_app.viewer.qt.application_filter import ApplicationFilter
 
 _VALUES = (QAbstractSpinBox, QComboBox, QSlider)
 
 
-class StillWheel(QObject):
+class StillWheel(ApplicationFilter):
     """Leaves the wheel to what is around a field, a list or a slider that has no focus.
 
     Qt would give it the focus and change its value: whoever scrolls a panel would change what lies
     under the mouse, without a notice, and the keys would be the field's from then on.
     """
-
-    def __init__(self, parent: QObject) -> None:
-        """Watch the application's events as long as the parent lives."""
-        super().__init__(parent)
-        application = QApplication.instance()
-        assert application is not None
-        application.installEventFilter(self)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """Take the focus by the wheel from a widget before it is shown, and then the wheel."""

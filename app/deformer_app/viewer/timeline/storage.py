@@ -7,7 +7,8 @@ from dataclasses import asdict
 from typing import Any
 
 from deformer import InputError, io
-from deformer_app.viewer.edit import Point, point
+from deformer_app.viewer.edit import point
+from deformer_app.viewer.edit_json import read_gaps
 from deformer_app.viewer.timeline.keys import (
     EASES,
     LONGEST,
@@ -89,16 +90,10 @@ def _key(item: io.JsonValue, owner: int) -> Key:
     if item["orientation"].value is not None:
         x, y, z = (point(row) for row in item["orientation"].rotation())
         orientation = (x, y, z)
-    return Key(frame, Placement(targets, orientation, _gaps(item, len(targets))), ease)
-
-
-def _gaps(item: io.JsonValue, count: int) -> tuple[Point, ...] | None:
     # In sessions of earlier versions gaps were the handles'.
-    if "gaps" not in item or item["gaps"].value is None:
-        return None
-    if item["gaps"].value == []:
-        return ()
-    return tuple(point(gap.numbers(3, largest=io.LARGEST)) for gap in item["gaps"].items(count))
+    keyed = "gaps" in item and item["gaps"].value is not None
+    gaps = read_gaps(item, len(targets)) if keyed else None
+    return Key(frame, Placement(targets, orientation, gaps), ease)
 
 
 def check_clip_fits(clip: Clip, components: int, where: str) -> None:
