@@ -8,12 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deformer.editing.green_functions import HandleBasis
+from deformer.editing.relaxation import relaxation
 from deformer.geometry import FloatArray
 from deformer.linalg import over_parts
-
-# Steps of the local rotation fits: in the first round of relaxation, and in each later one.
-FIRST_ROTATION_STEPS = 8
-ROTATION_STEPS = 2
 
 Boolean = NDArray[np.bool_]
 
@@ -133,9 +130,11 @@ class NumbaFrames:
                 frame = Q[m], origin[m], targets[m, exact[m]]
                 surface.reset()
                 surface.decode(z[m])
-                out[m] = handles.solve(surface, *frame)
-                for n in range(rounds if len(handles) else 0):
-                    surface.relax(ROTATION_STEPS if n else FIRST_ROTATION_STEPS)
-                    out[m] = handles.solve(surface, *frame)
+                for positions in relaxation(
+                    surface,
+                    lambda handles=handles, frame=frame: handles.solve(surface, *frame),
+                    rounds if len(handles) else 0,
+                ):
+                    out[m] = positions
 
         over_parts(rebuild, len(z))

@@ -14,11 +14,12 @@ import torch
 from torch import Tensor
 
 from deformer.acap import STRETCH_COLUMNS, STRETCH_ROWS
-from deformer.editing.batch_numba import FIRST_ROTATION_STEPS, ROTATION_STEPS, Boolean
+from deformer.editing.batch_numba import Boolean
 from deformer.editing.exact_handles import ExactHandles
 from deformer.editing.exact_rows import schur_inverse
 from deformer.editing.green_functions import HandleBasis
-from deformer.editing.kernels import DAMPING, LARGEST_STEP, OVER_RELAXATION
+from deformer.editing.kernels import DAMPING, LARGEST_STEP
+from deformer.editing.relaxation import FIRST_ROTATION_STEPS, ROTATION_STEPS
 from deformer.errors import InputError
 from deformer.geometry import FloatArray
 from deformer.linalg import SparseCholesky, resolve_device
@@ -133,9 +134,10 @@ class TorchFrames:
                 p = moved(rest, local)
                 edges = self._halves * (rest[:, self._from] - rest[:, self._to])
                 R = torch.eye(3, device=p.device).expand(*p.shape[:2], 3, 3)
+                momentum = _Momentum()
                 for n in range(rounds if pattern.any() else 0):
                     steps = ROTATION_STEPS if n else FIRST_ROTATION_STEPS
-                    R = self._fitted_rotations(R, edges, p, steps)
+                    R = self._fitted_rotations(R, edges, momentum.moved_on(p), steps)
                     p = moved(self._solved(R, edges), local)
                 turned = p @ self._tensor(self._unit * Q[f]).transpose(1, 2)
                 out[f] = _numpy(turned) + origin[f][:, None]
@@ -165,8 +167,28 @@ class TorchFrames:
         for _ in range(steps):
             half = _rotation_step(A @ _matrices(D).transpose(2, 3))
             D = torch.nn.functional.normalize(_product(half, D), dim=-1)
-        D = D * torch.tensor([1.0, *3 * [float(OVER_RELAXATION)]], device=D.device)
-        return _matrices(torch.nn.functional.normalize(D, dim=-1)) @ R
+        return _matrices(D) @ R
+
+
+class _Momentum:
+    """`momentum.Momentum` of positions (m, V, 3), each frame with its own rounds."""
+
+    def __init__(self) -> None:
+        self._last: tuple[Tensor, Tensor, Tensor] | None = None
+
+    def moved_on(self, x: Tensor) -> Tensor:
+        """Where the next round starts."""
+        if self._last is None:
+            self._last = x, x, torch.ones((len(x), 1, 1), device=x.device)
+            return x
+        before, start, count = self._last
+        change = x - before
+        back = ((start - x) * change).sum((1, 2), keepdim=True) > 0
+        count = torch.where(back, 1.0, count)
+        following = 0.5 * (1.0 + (1.0 + 4.0 * count**2).sqrt())
+        start = x + (count - 1.0) / following * change
+        self._last = x, start, following
+        return start
 
 
 class _Decoder:

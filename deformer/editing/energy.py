@@ -32,6 +32,10 @@ _DAMPING = Damping(initial=1e-3, up=8.0, down=8.0, floor=1e-9, ceiling=1e8)
 # A step that lowers the energy by no more than this ends a descent: near an energy of zero the
 # relative gain need not become small.
 _ABSOLUTE_GAIN = 1e-9
+# A step with a predicted gain of less than this share of the gain that ends a descent is the last
+# one. Positions are in single precision: steps that gain nothing were tried again and again, each
+# with more damping.
+_NO_GAIN = 0.1
 
 
 # Share of the components' variance that a likely code has at most.
@@ -208,7 +212,8 @@ class HandleEnergy:
             p: (H, 3) handle positions there.
             least: the least noise.
         """
-        reach = (self._misfit(x, p) ** 2).sum() / max(3 * len(p), 1)
+        seen = int(np.count_nonzero(self.weights))
+        reach = (self._misfit(x, p) ** 2).sum() / max(3 * seen, 1)
         likely = np.square(Unknowns(x).code).sum() / (_LIKELY * self.components)
         variance = (self.noise**2 + self.misfit**2) * min(reach, likely) - self.misfit**2
         return max(least, float(np.sqrt(max(variance, 0.0))))
@@ -265,12 +270,18 @@ class HandleEnergy:
             Unknowns (K+6,), the energy there, and the number of steps taken.
         """
         here = positions.at(self.code(x)) if here is None else here
+
+        def is_last(point: _Point, step: FloatArray) -> bool:
+            return point.predicted_gain(step) <= _NO_GAIN * relative_gain * point.energy
+
         found = descend(
             _Point(self, positions, x, here),
             steps=steps,
             relative_gain=relative_gain,
             absolute_gain=_ABSOLUTE_GAIN,
             damping=_DAMPING,
+            is_last=is_last,
+            predicted_gain=_Point.predicted_gain,
         )
         return found.point.x, found.point.energy, found.steps
 
@@ -419,6 +430,11 @@ class _Point:
         H, gradient, diagonal = self._equations
         np.einsum("ii->i", H)[:] = diagonal * (1.0 + damping)
         return np.asarray(-np.linalg.solve(H, gradient), dtype=np.float64)
+
+    def predicted_gain(self, step: FloatArray) -> float:
+        """By how much a step (n,) lowers the energy of the linearised residuals."""
+        assert self._equations is not None
+        return float(-self._equations[1] @ step)
 
     def moved(self, step: FloatArray) -> _Point:
         """The point that a step leads to."""

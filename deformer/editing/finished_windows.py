@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,24 @@ from deformer.io import (
     write_tensors,
 )
 
-_FORMAT = 1
+_FORMAT = 2
 _NAME = re.compile(r"(\.?)fit-\d+-window-\d{6,}(-[\da-f-]+)?\.safetensors")
 _BEGINNING = rb'.{8}\{"__metadata__":\{"identity":'
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedWindow:
+    """What was found for the m frames of a window and after it.
+
+    Args:
+        X: (m, K+6) unknowns.
+        noise: (m,) σ of each frame.
+        steps: taken.
+    """
+
+    X: FloatArray
+    noise: FloatArray
+    steps: int
 
 
 class FinishedWindows:
@@ -37,8 +53,8 @@ class FinishedWindows:
         """Nothing is read yet."""
         self._folder, self._identity = folder, {"format": _FORMAT, **identity}
 
-    def load(self, attempt: int, number: int) -> tuple[FloatArray, int] | None:
-        """Unknowns (m, K+6) of a window and the frames after it, and its steps; None without.
+    def load(self, attempt: int, number: int) -> SolvedWindow | None:
+        """What was found for a window; None without.
 
         Args:
             attempt: as of `WindowFits.run`.
@@ -52,14 +68,14 @@ class FinishedWindows:
         if read_metadata(where, "identity").value != self._identity:
             return None
         arrays = read_tensors(where)
-        return arrays["X"], int(arrays["steps"][0])
+        return SolvedWindow(arrays["X"], arrays["noise"], int(arrays["steps"][0]))
 
-    def save(self, attempt: int, number: int, X: FloatArray, steps: int) -> None:
+    def save(self, attempt: int, number: int, found: SolvedWindow) -> None:
         """Keep a window, as it is loaded."""
         if self._folder is None:
             return
         self._folder.mkdir(parents=True, exist_ok=True)
-        arrays = {"X": X, "steps": np.array([steps])}
+        arrays = {"X": found.X, "noise": found.noise, "steps": np.array([found.steps])}
         metadata = {"identity": json.dumps(self._identity)}
         write_tensors(self._file(attempt, number), arrays, metadata)
 

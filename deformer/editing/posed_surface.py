@@ -12,17 +12,13 @@ from numpy.typing import NDArray
 from deformer.editing.arap import DecodedSurface
 from deformer.editing.green_functions import HandleBasis
 from deformer.editing.lifted_surface import LiftedSurface, Surface
-from deformer.editing.momentum import Momentum
-from deformer.editing.search import CodeSearch, State
+from deformer.editing.refinement import State
+from deformer.editing.relaxation import relaxation
+from deformer.editing.search import CodeSearch
 from deformer.geometry import FloatArray, IntArray, RowPoint
 
-# Steps of the local rotation fits: in a frame of a drag, which continues from the frame before; in
-# the first round of a full relaxation; in each later round.
+# Steps of the local rotation fits in a frame of a drag, which continues from the frame before.
 _FRAME_ROTATION_STEPS = 1
-_FIRST_ROTATION_STEPS = 60
-_ROTATION_STEPS = 10
-# A round of relaxation that moves no vertex by this much, in bounding diagonals, is the last one.
-_RELAXED = 2e-5
 # Rounds of the full relaxation in a call at rest: at most so many, of so many vertices in all, for
 # a drag that begins waits for the call to end.
 _ROUNDS_A_CALL, _VERTICES_A_CALL = 5, 50_000
@@ -194,20 +190,9 @@ class PosedSurface:
         return _Relaxing(surface, rounds, next(rounds))
 
     def _relaxation(self, surface: DecodedSurface, state: State) -> Iterator[FloatArray]:
-        """Positions (V, 3) before any round of relaxation, and after each until they stay.
-
-        Momentum takes a third of the rounds of over-relaxed steps, which frames have.
-        """
-        vertices = self._solved(surface, state)
-        yield vertices
-        momentum = Momentum()
-        for n in range(self.rounds if len(self._exact) else 0):
-            surface.move_on(momentum)
-            surface.relax(_ROTATION_STEPS if n else _FIRST_ROTATION_STEPS, over=1.0)
-            before, vertices = vertices, self._solved(surface, state)
-            yield vertices
-            if np.abs(vertices - before).max() < _RELAXED * self._search.energy.diagonal:
-                break
+        """Positions (V, 3) of a state before any round of relaxation, and after each."""
+        rounds = self.rounds if len(self._exact) else 0
+        return relaxation(surface, lambda: self._solved(surface, state), rounds)
 
     def _solved(self, surface: Surface, state: State) -> FloatArray:
         """Positions (V, 3) by a surface's present rotations, handles where they are to be."""

@@ -14,8 +14,9 @@ import numpy as np
 from deformer.editing.energy import HandleEnergy
 from deformer.editing.floor import FloorTerm
 from deformer.editing.green_functions import HandleBasis
-from deformer.editing.handle_positions import CorrectedHandlePositions, HandlePositions
+from deformer.editing.handle_positions import HandlePositions
 from deformer.editing.lifted_surface import Surface
+from deformer.editing.refinement import Correction, Minimum, Refinement, State
 from deformer.editing.unknowns import MOTION, Unknowns
 from deformer.geometry import FloatArray, spread
 from deformer.model import LatentPrior
@@ -38,11 +39,6 @@ _SAME_ENERGY, _SAME_MINIMUM = 2e-3, 0.3
 _FRAME_STEPS = 16
 _FRAME_GAIN = 1e-4
 _ESTIMATE_TOLERANCE = 0.05
-# Refinement (of a cold solve, or of a frame with unchanged targets): steps with one derivative by
-# all vertices, the relative gain that ends them, and the most such derivatives of a cold solve.
-_FINAL_STEPS = 40
-_FINAL_GAIN = 1e-8
-_REFINEMENTS = 10
 # Warm solves with unchanged targets that gain less than this (relative, and in units of the energy)
 # search from the starts of a cold solve; the result replaces the state if its energy is lower by
 # the share _LOWER.
@@ -55,55 +51,12 @@ _LOWER = 9e-3
 _STILL, _STILL_RESTORED = 1e-4, 1e-3
 # Noise chosen by the search: the change that is followed, and the most changes in one minimum.
 _NOISE_CHANGE, _NOISE_CHANGES = 1.05, 8
-# Shares of a refining step, tried in turn until one lowers the exact energy.
-_SHARES = (1.0, 0.3, 0.1, 0.03)
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """Unknowns with their handle positions and energy.
-
-    Args:
-        x: (K+6,) unknowns.
-        p: (H, 3) handle positions by all vertices, or by nodes while handles move, relative to the
-            shape's centroid.
-        energy: energy at x.
-        surface: which decoded the positions.
-    """
-
-    x: FloatArray
-    p: FloatArray
-    energy: float
-    surface: Surface
-
-
-@dataclass(frozen=True, eq=False)
-class _Correction:
-    """Error of the landmarks' derivative at unknowns x (K+6,): (H, 3, K), to be added to it."""
-
-    x: FloatArray
-    derivative: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """Result of a search.
-
-    Args:
-        energy: the energy that was minimised.
-        state: the state of its least value.
-        correction: of the landmarks' derivative there.
-    """
-
-    energy: HandleEnergy
-    state: State
-    correction: _Correction | None
 
 
 # Unknowns, energy and steps of a descent by landmarks.
 _Coarse = tuple[FloatArray, float, int]
 # Yields the steps of its parts, returns the result.
-_Search = Generator[int, None, _Found]
+_Search = Generator[int, None, Minimum]
 
 
 @dataclass(eq=False)
@@ -127,7 +80,7 @@ class _Cache:
     x: FloatArray | None = None
     state: State | None = None
     decoded: dict[Surface, State] = field(default_factory=dict)
-    correction: _Correction | None = None
+    correction: Correction | None = None
     solved_for: tuple[FloatArray, FloatArray] | None = None
     search: _Search | None = None
     searched: bool = False
@@ -171,6 +124,7 @@ class CodeSearch:
         self.energy = energy
         self._limits = energy.limits
         self._basis, self._codes = basis, codes
+        self._refinement = Refinement(basis, self.evaluate)
         self._cache = _Cache()
         self.jumped = self.stayed = False
         self.least_noise: float | None = None
@@ -292,7 +246,7 @@ class CodeSearch:
                 cache.search, cache.searched, cache.refined = None, True, True
                 return self._adopt(ended.value), steps
 
-    def _adopt(self, found: _Found) -> State:
+    def _adopt(self, found: Minimum) -> State:
         """Make the result of a search, with its noise, the solution."""
         self.energy, self._cache.correction = found.energy, found.correction
         return self._keep(found.state)
@@ -332,7 +286,7 @@ class CodeSearch:
                 break
             energy = replace(energy, noise=wanted)
             state = replace(state, energy=energy.value(state.x, state.p))
-            found = yield from self._converge(energy, state)
+            found = yield from self._refinement.converge(energy, state)
         return found
 
     def _finished(
@@ -345,11 +299,11 @@ class CodeSearch:
             own = energy.descend(positions, known.x, _START_STEPS)
             yield own[2]
             minima = [entry for entry in minima if not _same(entry, own)]
-            finished.append(_Found(energy, known, self._cache.correction))
+            finished.append(Minimum(energy, known, self._cache.correction))
         for x, _, _ in minima:
             lowest = min((found.state.energy for found in finished), default=np.inf)
             state = self.evaluate(x, energy)
-            finished.append((yield from self._converge(energy, state, lowest)))
+            finished.append((yield from self._refinement.converge(energy, state, lowest)))
         return min(finished, key=lambda found: found.state.energy)
 
     def _coarse(
@@ -361,25 +315,6 @@ class CodeSearch:
             found.append(term.descend(positions, start, _START_STEPS))
             yield found[-1][2]
         return sorted(found, key=lambda entry: entry[1])
-
-    def _converge(self, energy: HandleEnergy, state: State, lowest: float = np.inf) -> _Search:
-        """Refine a state until its energy no longer falls.
-
-        Args:
-            energy: the energy to lower.
-            state: to start from.
-            lowest: energy of another minimum; the refinement ends, too, where the last gain is
-                less than what is missing to it.
-        """
-        correction = None
-        for _ in range(_REFINEMENTS):
-            before = state
-            state, correction, steps = self._refined(energy, before, correction)
-            yield steps
-            gain = before.energy - state.energy
-            if gain <= _FINAL_GAIN * before.energy or gain < state.energy - lowest:
-                break
-        return _Found(energy, state, correction)
 
     @property
     def at_rest(self) -> bool:
@@ -433,7 +368,8 @@ class CodeSearch:
             state = found = self.exact()
             gain, steps = 0.0, 0
             if not cache.refined:
-                found, cache.correction, steps = self._refined(self.energy, state, cache.correction)
+                cache.correction = self._refinement.correction(self.energy, state, cache.correction)
+                found, steps = self._refinement.refine(self.energy, state, cache.correction)
                 gain = state.energy - found.energy
                 if gain <= cache.still * state.energy + _RESTING_GAIN:
                     found, cache.refined = state, True
@@ -449,11 +385,11 @@ class CodeSearch:
         if state.surface is not moving:
             state = self.evaluate(state.x, surface=moving)
         frame = cache.correction, _FRAME_STEPS, _FRAME_GAIN
-        x, estimate, steps = self._descend_by_landmarks(self.energy, state, *frame)
+        x, estimate, steps = self._refinement.descend(self.energy, state, *frame)
         found = self.evaluate(x, surface=moving)
         if found.energy > estimate + _ESTIMATE_TOLERANCE * (abs(estimate) + 1.0):
             better = found if found.energy < state.energy else state
-            x, _, more = self._descend_by_landmarks(self.energy, better, *frame)
+            x, _, more = self._refinement.descend(self.energy, better, *frame)
             again, steps = self.evaluate(x, surface=moving), steps + more
             found = min((again, found), key=lambda entry: entry.energy)
         return self._keep(min((state, found), key=lambda entry: entry.energy)), steps
@@ -481,49 +417,6 @@ class CodeSearch:
         """True if the last solution is for the present targets and weights."""
         last, now = self._cache.solved_for, (self.energy.targets, self.energy.weights)
         return last is not None and all(map(np.array_equal, last, now))
-
-    def _refined(
-        self, energy: HandleEnergy, state: State, correction: _Correction | None
-    ) -> tuple[State, _Correction, int]:
-        """Descend by landmarks whose derivative is corrected by that of all vertices.
-
-        Args:
-            energy: the energy to lower.
-            state: to start from.
-            correction: an earlier correction, which is reused if it is that of the state.
-
-        Returns:
-            A state whose energy is not higher, the correction used, and the steps taken.
-        """
-        if correction is None or not np.array_equal(correction.x, state.x):
-            z = energy.code(state.x)
-            exact, landmarks = self._basis.exact_positions(), self._basis.landmark_positions()
-            difference = exact.at(z).derivative() - landmarks.at(z).derivative()
-            correction = _Correction(state.x, difference)
-        limits = _FINAL_STEPS, _FINAL_GAIN
-        x, _, steps = self._descend_by_landmarks(energy, state, correction, *limits)
-        step = x - state.x
-        # Far from the state the corrected landmarks may be wrong: a shorter step may be better.
-        for share in _SHARES if step.any() else ():
-            found = self.evaluate(state.x + share * step, energy)
-            if found.energy < state.energy:
-                return found, correction, steps
-        return state, correction, steps
-
-    def _descend_by_landmarks(
-        self,
-        energy: HandleEnergy,
-        state: State,
-        correction: _Correction | None,
-        steps: int,
-        relative_gain: float,
-    ) -> tuple[FloatArray, float, int]:
-        """Descend from a state with handle positions by landmarks, which are exact at the state."""
-        positions = CorrectedHandlePositions(
-            self._basis.landmark_positions(), None if correction is None else correction.derivative
-        )
-        here = positions.match(energy.code(state.x), state.p)
-        return energy.descend(positions, state.x, steps, relative_gain, here)
 
     def _all_starts(
         self, energy: HandleEnergy, positions: HandlePositions

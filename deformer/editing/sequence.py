@@ -2,7 +2,8 @@
 
 All frames of a window are solved for together (`SequenceEnergy`). Penalising squared accelerations
 of the unknowns reduces jitter; since earlier and later frames count alike, it adds no lag. A frame
-in which no handle is seen follows its neighbours: the prior has hardly any weight there.
+in which no handle is seen follows its neighbours: the prior has hardly any weight there. Without
+that penalty each frame is solved for on its own (`SeparateFrames`).
 """
 
 from __future__ import annotations
@@ -123,11 +124,13 @@ def fit_sequence(
             in `Handle`; None is zeros.
         floor: a plane that no vertex passes in any frame, as in `HandleSolver.set_floor`; None is
             none.
-        smoothness: weight of squared accelerations, 0 or more; 0 fits every frame on its own. For
-            motion that is slow for its frame rate, 100 and more are suitable.
+        smoothness: weight of squared accelerations, 0 or more. For motion that is slow for its
+            frame rate, 100 and more are suitable. 0 fits every frame on its own, to the end and on
+            the CPU: it is then the pose of a `HandleSolver`.
         rigid: as in `HandleSolver`.
         noise: as in `HandleSolver`. None is the median of what it chooses for a few frames, but at
             least 0.007: with less the descent over all frames stalls (docs/evidence/prior.md).
+            Without smoothness it is what each frame asks for.
         mean: (K,) or (F, K) latent codes that are the prior's means in place of the model's; a
             frame without handles is then near its own. None is the model's, in all frames.
         freedom: as in `HandleSolver`, but never None; with 1, or "moves", a motion goes anywhere.
@@ -265,7 +268,10 @@ def fit_sequence_parts(
     _warn_of_units(model, tracks)
     lifted = tracks.above(floor)
     at, first = _first_guess(solver, lifted, means)
-    if noise is None:
+    own_noise = noise is None and not smoothness > 0
+    if own_noise:
+        solver.set_prior(noise=model.handle_noise)
+    elif noise is None:
         solver.set_prior(noise=_noise(solver, lifted, means))
     energy = replace(solver.energy, errors=None)
     centres = None if means is None else _whitened(means, energy)
@@ -279,7 +285,16 @@ def fit_sequence_parts(
             "handles": lifted.digest(),
             "means": "" if means is None else sha256(np.ascontiguousarray(means).data).hexdigest(),
             "floor": None if floor is None else [floor.height, *floor.normal],
-            "options": [smoothness, rigid, energy.noise, freedom, used, device, backend or ""],
+            "options": [
+                smoothness,
+                rigid,
+                energy.noise,
+                own_noise,
+                freedom,
+                used,
+                device,
+                backend or "",
+            ],
             "windows": windows.sizes(),
         }
     fits = WindowFits(
@@ -289,6 +304,7 @@ def fit_sequence_parts(
         lifted,
         centres,
         smoothness,
+        own_noise,
         used,
         relaxation,
         device,

@@ -9,10 +9,11 @@ import numpy as np
 
 from deformer.editing.batch_numba import Boolean, Frames, NumbaFrames
 from deformer.editing.energy import HandleEnergy
-from deformer.editing.finished_windows import FinishedWindows
+from deformer.editing.finished_windows import FinishedWindows, SolvedWindow
 from deformer.editing.floor import Floor, FloorContacts, FloorTerm
 from deformer.editing.green_functions import HandleBasis
 from deformer.editing.misfit_track import MisfitTrack
+from deformer.editing.separate_frames import SeparateFrames
 from deformer.editing.sequence_energy import SequenceEnergy
 from deformer.editing.track_source import TrackSource
 from deformer.editing.tracks import Rows as Handles
@@ -93,6 +94,7 @@ class WindowFits:
         centres: gives whitened codes (m, K) that are the prior's means of the frames of a slice;
             None is zeros.
         smoothness, relaxation, device, backend: as in `fit_sequence`.
+        own_noise: true if each frame of a sequence without smoothness chooses its noise.
         misfit: τ, in bounding diagonals.
         progress: is told of frames.
         finished: windows of an earlier process, and where windows of this one are kept.
@@ -104,6 +106,7 @@ class WindowFits:
     tracks: TrackSource
     centres: Callable[[slice], FloatArray] | None
     smoothness: float
+    own_noise: bool
     misfit: float
     relaxation: int
     device: str
@@ -139,12 +142,13 @@ class WindowFits:
         self.progress.begin()
         for number, part in enumerate(slices(F, WINDOW)):
             start = part.start
-            seen = slice(start, min(part.stop + _AHEAD, F))
+            seen = slice(start, min(part.stop + (_AHEAD if self.smoothness > 0 else 0), F))
             rows, _ = self._rows(seen, contacts)
             near = None if known is None else np.array(known[seen])
             with one_blas_thread():
-                window, steps = self._solved(attempt, number, energy, batch, rows, before, near)
-                wanted, reached = self._goals(batch, energy, missed, part, rows, window)
+                found = self._solved(attempt, number, energy, batch, rows, before, near)
+                window, steps = found.X, found.steps
+                wanted, reached = self._goals(batch, energy, missed, part, rows, found)
             X = window[: part.stop - start]
             before = np.concatenate([before, X])[-2:]
             for some in slices(len(X), _SHAPES):
@@ -171,25 +175,23 @@ class WindowFits:
         rows: Handles,
         before: FloatArray,
         known: FloatArray | None,
-    ) -> tuple[FloatArray, int]:
-        """Unknowns (m, K+6) of the m frames of a window and after it, and the steps taken."""
+    ) -> SolvedWindow:
+        """Solve for the frames of a window, and those after it."""
         found = self.finished.load(attempt, number)
         if found is not None:
             return found
         m, start = len(rows.targets), number * WINDOW
         centres = None if self.centres is None else self.centres(slice(start, start + m))
-        sequence = SequenceEnergy(
-            energy,
-            batch,
-            rows.targets - rows.gaps,
-            rows.weights,
-            self.smoothness,
-            centres,
-            self.progress.step,
-        )
-        guess = before[-1] if len(before) else self.first
-        found = sequence.solve(slice(0, m), guess, before, known)
-        self.finished.save(attempt, number, *found)
+        handles = rows.targets - rows.gaps, rows.weights
+        guess, step = before[-1] if len(before) else self.first, self.progress.step
+        if self.smoothness > 0:
+            sequence = SequenceEnergy(energy, batch, *handles, self.smoothness, centres, step)
+            X, steps = sequence.solve(slice(0, m), guess, before, known)
+            found = SolvedWindow(X, np.full(m, energy.noise), steps)
+        else:
+            single = SeparateFrames(energy, self.basis, *handles, centres, self.own_noise, step)
+            found = SolvedWindow(*single.solve(guess, known))
+        self.finished.save(attempt, number, found)
         return found
 
     def _goals(
@@ -199,7 +201,7 @@ class WindowFits:
         missed: MisfitTrack | None,
         part: slice,
         rows: Handles,
-        window: FloatArray,
+        window: SolvedWindow,
     ) -> tuple[FloatArray, Boolean]:
         """Where handles are to be in the frames of a window (n, H, 3), and which are (n, H)."""
         n = part.stop - part.start
@@ -207,8 +209,10 @@ class WindowFits:
         if missed is None:
             return wanted, reached
         # As in `HandleSolver`: the shape deforms by what is left of soft handles, too.
-        at = _handle_positions(batch, energy, window)
-        expected = missed.expected(n, rows.weights, rows.targets - rows.gaps - at)
+        at = _handle_positions(batch, energy, window.X)
+        # A frame of another noise is one of other weights.
+        weights = rows.weights * ((energy.noise / window.noise) ** 2)[:, None]
+        expected = missed.expected(n, weights, rows.targets - rows.gaps - at)
         expected += at[:n] + rows.gaps[:n]
         return np.where(reached[..., None], wanted, expected), rows.used[:n]
 

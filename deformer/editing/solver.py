@@ -37,7 +37,8 @@ from deformer.editing.handles import (
 )
 from deformer.editing.orientations import LocalFrame, checked_orientations, turned_by
 from deformer.editing.posed_surface import PosedSurface
-from deformer.editing.search import CodeSearch, State
+from deformer.editing.refinement import State
+from deformer.editing.search import CodeSearch
 from deformer.editing.target_warnings import TargetWarnings
 from deformer.editing.unknowns import Unknowns
 from deformer.errors import InputError

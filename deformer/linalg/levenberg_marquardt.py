@@ -17,6 +17,10 @@ from deformer.geometry import FloatArray
 
 # A step that raises the energy is tried again at this share of its length.
 _SHORTENING = 0.4
+# A step that gains less than the first share of what was predicted is too long, in directions in
+# which the residuals' curvature counts: the next one is damped more, by the factor. After one that
+# gains more than the second share it is damped less.
+_TOO_LONG, _MORE, _RIGHT = 0.25, 2.0, 0.6
 
 
 class Point(Protocol):
@@ -97,6 +101,7 @@ def descend(
     negligible: float = 0.0,
     shortenings: int = 0,
     is_last: Callable[[P, FloatArray], bool] | None = None,
+    predicted_gain: Callable[[P, FloatArray], float] | None = None,
 ) -> Descent[P]:
     """Follow damped Gauss–Newton steps; the energy never rises.
 
@@ -114,6 +119,9 @@ def descend(
             tried. Useful if a step costs a factorisation and an energy costs little.
         is_last: true for a (point, step) with so little to gain that the descent ends with it,
             whether it lowers the energy (and is taken) or raises it (and is not).
+        predicted_gain: gives by how much a (point, step) lowers the energy of the linearised
+            residuals. The damping then depends on the share of it that steps gain; without it, it
+            falls after every step.
 
     Returns:
         The last point, and the number of steps taken.
@@ -132,14 +140,19 @@ def descend(
             factor *= damping.up
             if last or factor > damping.ceiling:
                 return Descent(point, count)
-        gain = point.energy - lower.energy
+        gain, predicted = point.energy - lower.energy, 0.0
+        if predicted_gain is not None:
+            predicted = predicted_gain(point, step)
         point = lower
         if share < 1.0:
             factor *= damping.down
             continue
-        factor = max(factor / damping.down, damping.floor)
         if last or gain <= relative_gain * point.energy + absolute_gain:
             return Descent(point, count + 1)
+        if gain < _TOO_LONG * predicted:
+            factor *= _MORE
+        elif gain > _RIGHT * predicted:
+            factor = max(factor / damping.down, damping.floor)
     return Descent(point, steps)
 
 

@@ -9,6 +9,7 @@ import pytest
 from deformer import Handle, HandleSolver, load_model
 from deformer.editing.green_functions import HandleBasis
 from deformer.editing.rest import poses_to_rest, solve_to_rest
+from deformer.editing.refinement import Refinement
 from deformer.editing.search import CodeSearch
 from deformer.errors import InputError
 from deformer.geometry.rotations import log_to_rotation
@@ -655,13 +656,13 @@ def test_the_last_frame_of_a_drag_is_nearly_a_minimum(model, diagonal):
 def test_a_rest_refines_no_start_that_leads_back(model, diagonal, monkeypatch):
     """Only those that lead to another minimum than the one that the solver rests in."""
     refined = []
-    converge = CodeSearch._converge
+    converge = Refinement.converge
 
     def count(self, *arguments):
         refined.append(arguments)
         return converge(self, *arguments)
 
-    monkeypatch.setattr(CodeSearch, "_converge", count)
+    monkeypatch.setattr(Refinement, "converge", count)
     vertices = [3, 40, 80]
     solver = HandleSolver(model, noise=0.007)
     solver.set_handles(vertices, model.reference.vertices[vertices] + 0.02 * diagonal)

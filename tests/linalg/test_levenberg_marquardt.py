@@ -134,6 +134,41 @@ def test_the_damping_follows_its_schedule():
     assert long.asked == [1.0, 5.0, 25.0]
 
 
+@pytest.mark.parametrize(
+    ("share", "asked"), [(0.1, [1.0, 2.0]), (0.4, [1.0, 1.0]), (0.9, [1.0, 0.25])]
+)
+def test_the_damping_follows_what_a_step_gains_of_what_was_predicted(share, asked):
+    begun = Valley(2.0, 1.0)
+
+    def predicted(point, step):
+        return (point.energy - point.moved(step).energy) / share
+
+    damping = Damping(initial=1.0, up=5.0, down=4.0)
+    descend(begun, steps=2, relative_gain=0.0, damping=damping, predicted_gain=predicted)
+    assert begun.asked == asked
+
+
+def test_steps_that_are_too_long_are_damped_until_they_are_not():
+    """Residuals that are large and curved: each step beyond the bottom was followed by a retry."""
+
+    def residual(x):
+        return np.array([10.0 + 0.3 * x[0] ** 2, x[0]])
+
+    def jacobian(x):
+        return np.array([[0.6 * x[0]], [1.0]])
+
+    def predicted(point, step):
+        return float(-(jacobian(point.x).T @ residual(point.x)) @ step)
+
+    tried = []
+    for given in (None, predicted):
+        begun = Squares(residual, jacobian, np.array([9.0]))
+        found = descend(begun, steps=60, relative_gain=1e-8, predicted_gain=given)
+        tried.append((len(begun.asked), found.point.energy))
+    assert tried[1][0] < tried[0][0]
+    assert tried[1][1] == pytest.approx(tried[0][1], rel=1e-6)
+
+
 def test_it_stops_at_the_ceiling():
     begun = Valley(2.0, -1.0)  # every step leads up
     damping = Damping(initial=1.0, up=10.0, ceiling=1e3)
