@@ -422,6 +422,13 @@ class Editor:
             self.ask(self.session.entry.solution)
         self.state.invalidate()
 
+    def give_up(self) -> bool:
+        """Discard the current change, as that of a slider; return False if there is none."""
+        if not (self.is_open and self.session.under_way):
+            return False
+        self.revert()
+        return True
+
     def change(
         self,
         label: str,

@@ -17,7 +17,7 @@ MOUSE = (
     ("Shift and wheel over a pin", "its size"),
     ("Right click", "what can be done here"),
     ("0…9 - . ⌫ Tab Enter", "an exact value while the manipulator moves"),
-    ("Esc", "give up a drag, or the animation that is being written"),
+    ("Esc", "give up a drag, also of a slider, or the animation that is being written"),
 )
 
 PANELS = (
@@ -25,7 +25,8 @@ PANELS = (
     ("F2", "rename the selected component or pose"),
     ("Alt+Left, Alt+Right", "move a saved pose in its row"),
     ("Alt+1 to Alt+9", "bring a saved camera back"),
-    ("Double click on a slider", "back to zero"),
+    ("Press on a slider", "bring its handle to the mouse, and drag on"),
+    ("Double click on a component's slider", "back to zero"),
 )
 
 

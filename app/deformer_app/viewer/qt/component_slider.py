@@ -7,7 +7,6 @@ from typing import Any
 
 from PySide6.QtCore import QRectF
 from PySide6.QtGui import QMouseEvent, QPainter, QPaintEvent, QPalette
-from PySide6.QtWidgets import QStyle, QStyleOptionSlider
 
 from deformer_app.viewer.component_scale import ComponentScale
 from deformer_app.viewer.qt.slider import STEPS, Slider
@@ -72,10 +71,6 @@ class ComponentSlider(Slider):
 
     def _at(self, weight: float) -> float:
         """Pixels from the left edge to the middle of the handle at a weight."""
-        option = QStyleOptionSlider()
-        self.initStyleOption(option)
-        handle = self.style().subControlRect(
-            QStyle.ComplexControl.CC_Slider, option, QStyle.SubControl.SC_SliderHandle, self
-        )
+        handle = self.handle_area()
         span = self.width() - handle.width()
         return handle.width() / 2 + span * self._position(weight) / STEPS

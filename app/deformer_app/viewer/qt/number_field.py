@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from typing import cast
 
-from PySide6.QtCore import QLocale, QSignalBlocker, Qt, Signal
-from PySide6.QtGui import QKeyEvent, QMouseEvent
+from PySide6.QtCore import QLocale, QSignalBlocker, Signal
 from PySide6.QtWidgets import QDoubleSpinBox
 
-_STEPS = (Qt.Key.Key_Up, Qt.Key.Key_Down, Qt.Key.Key_PageUp, Qt.Key.Key_PageDown)
+from deformer_app.viewer.qt.held import Held
 
 _DIGITS = 4  # of a body of size 1, after the point
 _MOST_DIGITS = 12
@@ -40,9 +39,9 @@ class NumberField(QDoubleSpinBox):
         self.setRange(least, most)
         self.setDecimals(decimals)
         self.setKeyboardTracking(False)  # the value changes once all of it has been typed
-        self._held = self._changed = False
-        self.valueChanged.connect(self._note)
-        self.editingFinished.connect(self._settle)
+        self._held = Held(self, self.settled.emit)
+        self.valueChanged.connect(self._held.note)
+        self.editingFinished.connect(self._finish)
 
     def fit_size(self, size: float) -> None:
         """Take digits and steps for places in a body of a size, whatever its units."""
@@ -59,41 +58,14 @@ class NumberField(QDoubleSpinBox):
         with QSignalBlocker(self):
             self.setValue(value)
 
-    def _note(self) -> None:
-        self._changed = True
-
-    def _settle(self) -> None:
-        changed, self._held, self._changed = self._changed, False, False
+    def _finish(self) -> None:
         self.lineEdit().setModified(False)
-        if changed:
-            self.settled.emit()
+        self._held.let_go()
 
     def stepBy(self, steps: int) -> None:
         """Go on by steps."""
         super().stepBy(steps)
-        if not self._held:  # the wheel
-            self._settle()
-
-    def mousePressEvent(self, event: QMouseEvent) -> None:
-        """Hold an arrow."""
-        self._held = True
-        super().mousePressEvent(event)
-
-    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
-        """Let go of an arrow."""
-        super().mouseReleaseEvent(event)
-        self._settle()
-
-    def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Hold a key that steps, or type."""
-        self._held = self._held or event.key() in _STEPS
-        super().keyPressEvent(event)
-
-    def keyReleaseEvent(self, event: QKeyEvent) -> None:
-        """Let go of a key that steps."""
-        super().keyReleaseEvent(event)
-        if event.key() in _STEPS and not event.isAutoRepeat():
-            self._settle()
+        self._held.settle()
 
     def validate(self, input: str, pos: int) -> object:
         """Turn commas into points."""

@@ -6,9 +6,11 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from PySide6.QtCore import QEvent, QSignalBlocker, Qt
-from PySide6.QtGui import QFocusEvent, QKeyEvent, QMouseEvent
-from PySide6.QtWidgets import QSlider
+from PySide6.QtCore import QEvent, QPointF, QRect, QSignalBlocker, Qt
+from PySide6.QtGui import QKeyEvent, QMouseEvent
+from PySide6.QtWidgets import QSlider, QStyle, QStyleOptionSlider
+
+from deformer_app.viewer.qt.held import Held
 
 STEPS = 1000
 
@@ -16,72 +18,74 @@ STEPS = 1000
 class Slider(QSlider):
     """A slider with `STEPS` steps that tells a move from its end.
 
+    A press beside the handle brings it to the mouse, and a drag goes on from there. Esc brings a
+    handle that is held back to where it was; the window's Esc discards what it has changed.
+
     Args:
         moved: called with the position, 0 to `STEPS`, while the user moves it.
-        ended: called when the user lets go of its handle or, where that has moved it, of its
-            groove, of a key that has moved it, and after each step of the wheel.
+        ended: called when the user lets go of its handle or of a key that has moved it, and after
+            each step of the wheel.
     """
 
     def __init__(self, moved: Callable[[int], Any], ended: Callable[[], Any]) -> None:
         """Start at the lower end."""
         super().__init__(Qt.Orientation.Horizontal)
-        self._moved, self._ended = moved, ended
-        self._on_groove = self._paged = self._key_held = False
+        self._moved = moved
         self.setRange(0, STEPS)
+        self._held = Held(self, ended)
         self.valueChanged.connect(self._change)
-        self.sliderReleased.connect(ended)
 
     def _change(self, position: int) -> None:
         self._moved(position)
-        if self._on_groove or self._key_held:  # Qt goes on and on, until it is let go of
-            self._paged = True
-        elif not self.isSliderDown():  # the wheel: one step each
-            self._ended()
+        self._held.note()
+        self._held.settle()
+
+    def handle_area(self) -> QRect:
+        """Return where the handle is drawn, in pixels of the slider."""
+        option = QStyleOptionSlider()
+        self.initStyleOption(option)
+        return self.style().subControlRect(
+            QStyle.ComplexControl.CC_Slider, option, QStyle.SubControl.SC_SliderHandle, self
+        )
 
     def mousePressEvent(self, ev: QMouseEvent) -> None:
-        """Take hold of the handle, or go by pages towards the mouse."""
-        before, self._on_groove = self._on_groove, True  # the press already goes by a page
+        """Take hold of the handle; the left button beside it brings it to the mouse first."""
+        left, handle = Qt.MouseButton.LeftButton, self.handle_area()
+        beside = not handle.contains(ev.position().toPoint())
+        if ev.button() == left == ev.buttons() and beside:
+            self.setSliderDown(True)
+            x, span = ev.position().x(), self.width() - handle.width()
+            self.setSliderPosition(
+                QStyle.sliderValueFromPosition(
+                    self.minimum(), self.maximum(), round(x - handle.width() / 2), span
+                )
+            )
+            # Qt takes hold of the handle only where it is drawn.
+            at = QPointF(x, handle.center().y())
+            ev = QMouseEvent(ev.type(), at, ev.globalPosition(), left, left, ev.modifiers())
         super().mousePressEvent(ev)
-        self._on_groove = not self.isSliderDown() if ev.isAccepted() else before
-        self._paged = self._paged and self._on_groove
 
-    def mouseReleaseEvent(self, ev: QMouseEvent) -> None:
-        """Let go."""
-        super().mouseReleaseEvent(ev)
-        if not ev.buttons():
-            self._let_go()
+    def mouseMoveEvent(self, ev: QMouseEvent) -> None:
+        """Drag the handle, until Esc."""
+        if self.isSliderDown():
+            super().mouseMoveEvent(ev)
 
-    def keyPressEvent(self, ev: QKeyEvent) -> None:
-        """Hold a key that moves the handle."""
-        self._key_held = True
-        super().keyPressEvent(ev)
-
-    def keyReleaseEvent(self, ev: QKeyEvent) -> None:
-        """Let go of a key."""
-        super().keyReleaseEvent(ev)
-        if not ev.isAutoRepeat():
-            self._let_go()
-
-    def focusOutEvent(self, event: QFocusEvent) -> None:
-        """Let go of a key, whose release goes to another widget."""
-        super().focusOutEvent(event)
-        self._let_go()
-
-    def changeEvent(self, e: QEvent) -> None:
-        """Let go where it is disabled: no release of the mouse follows."""
-        super().changeEvent(e)
-        if e.type() == QEvent.Type.EnabledChange:
-            self._let_go()
-
-    def _let_go(self) -> None:
-        paged, self._paged = self._paged, False
-        self._on_groove = self._key_held = False
-        if paged:
-            self._ended()
+    def event(self, event: QEvent) -> bool:
+        """Go back by Esc while something is held; the window has the key, too."""
+        if (
+            event.type() == QEvent.Type.ShortcutOverride
+            and isinstance(event, QKeyEvent)
+            and event.key() == Qt.Key.Key_Escape
+            and self._held.on
+        ):
+            self.setValue(round(self._held.start))
+            self._held.forget()
+            self.setSliderDown(False)
+        return super().event(event)
 
     def show_position(self, position: float) -> None:
         """Show a position without calling anything, unless the user holds the slider."""
-        if not (self.isSliderDown() or self._on_groove or self._key_held):
+        if not self._held.on:
             with QSignalBlocker(self):
                 self.setValue(round(position))
 

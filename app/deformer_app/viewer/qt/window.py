@@ -326,8 +326,9 @@ class Window(QMainWindow):
         )
 
     def escape(self) -> None:
-        """Cancel the drag or the animation; else go back to dragging and close the message."""
-        if not (self.editor.controller.cancel() or self.editor.filming.give_up()):
+        """Cancel the drag, slide or animation; else go back to dragging and close the message."""
+        editor = self.editor
+        if not (editor.controller.cancel() or editor.filming.give_up() or editor.give_up()):
             self.editor.stage.set_tool("drag")
             self.notices.hide_note()
             self.notices.mistake.close_one()
