@@ -49,11 +49,6 @@ class FloorPlane:
         else:
             self._editor.run(self._find())
 
-    def set_height(self, height: float) -> None:
-        """Move the floor to a height along the model's up axis, in the data's units."""
-        self._own = height
-        self._set(height)
-
     def slide(self, height: float) -> None:
         """Show the floor at a height along the model's up axis until `commit` of the editor."""
         self._own = height

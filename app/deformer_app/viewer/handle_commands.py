@@ -159,14 +159,11 @@ class HandleCommands:
         else:
             self._editor.note("Select a handle that has been turned first")
 
-    def set_centre(self, centre: ArrayLike) -> None:
-        """Move the selected handles so that their common centre is at a point (3,)."""
-        self.slide_centre(centre)
-        if self._editor.session.under_way:
-            self._editor.commit("Move")
-
     def slide_centre(self, centre: ArrayLike) -> None:
-        """Do what `set_centre` does, until `commit` of the editor; not during a drag."""
+        """Move the selected handles so that their common centre is at a point (3,).
+
+        They are a step of the history once the editor commits; nothing moves during a drag.
+        """
         editor = self._editor
         handles = editor.state.movable(editor.edit.handles)
         if handles and not editor.dragging:

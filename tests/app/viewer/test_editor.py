@@ -25,6 +25,7 @@ from deformer_app.viewer.session import Session
 from deformer_app.viewer.settings import Settings
 from deformer_app.viewer.stage import Hover
 from deformer_app.viewer.worker import in_background
+from number_fields import type_centre
 from off_screen_editor import SIZE, click, drag, editing, event, finish, seen, texts
 from shapes import sequence, small_model
 from waiting import HANG, wait_for
@@ -282,7 +283,7 @@ def test_a_pin_stays_and_drags_leave_it(editor):
 def test_numbers_move_the_selection_exactly(editor):
     _, at = seen(editor, 0.9)
     click(editor, at)
-    editor.handles.set_centre([1.7, 0.25, 0.125])
+    type_centre(editor, [1.7, 0.25, 0.125])
     assert editor.edit.handles[0].centre == pytest.approx((1.7, 0.25, 0.125))
     assert editor.session.entry.label == "Move"
 

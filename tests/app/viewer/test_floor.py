@@ -14,6 +14,7 @@ from deformer_app.viewer.handle_changes import region_handle
 from deformer_app.viewer.pose_worker import replay
 from deformer_app.viewer.rigs import load_handles
 from deformer_app.viewer.session import Session
+from number_fields import type_centre, type_height
 from off_screen_editor import finish
 
 
@@ -43,7 +44,7 @@ def test_it_is_switched_on_where_the_examples_stand_and_off_again(editor):
 
 
 def test_nothing_that_is_dragged_passes_it(editor):
-    editor.floor.set_height(float(lowest(editor)) - 0.05)
+    type_height(editor, float(lowest(editor)) - 0.05)
     pull_down(editor)
     size = editor.model.reference.bounding_diagonal
     assert lowest(editor) >= editor.floor.height - 1e-9 * size
@@ -51,7 +52,7 @@ def test_nothing_that_is_dragged_passes_it(editor):
 
 
 def test_a_handle_stops_at_it_and_comes_up_at_once(editor):
-    editor.floor.set_height(float(lowest(editor)) - 0.05)
+    type_height(editor, float(lowest(editor)) - 0.05)
     pull_down(editor)
     floor, size = editor.floor.height, editor.model.reference.bounding_diagonal
     assert editor.edit.handles[0].centre[1] == pytest.approx(floor)
@@ -59,12 +60,12 @@ def test_a_handle_stops_at_it_and_comes_up_at_once(editor):
     editor.commit("Up")
     assert editor.edit.handles[0].centre[1] == pytest.approx(floor + 0.02 * size)
     x, _, z = editor.edit.handles[0].centre
-    editor.handles.set_centre([x, floor - size, z])
+    type_centre(editor, [x, floor - size, z])
     assert editor.edit.handles[0].centre[1] == pytest.approx(floor)
 
 
 def test_a_region_that_is_dragged_below_it_keeps_its_shape(editor):
-    editor.floor.set_height(float(lowest(editor)) - 0.05)
+    type_height(editor, float(lowest(editor)) - 0.05)
     region = np.flatnonzero(editor.model.reference.vertices[:, 0] > 1.6)
     handle = editor.handles.on_surface(region_handle(1, region, editor.model.reference))
     editor.change("Region", editor.edit.with_handles([handle]))
@@ -84,7 +85,7 @@ def test_what_is_below_it_is_drawn_where_it_acts(editor):
     (handle,) = editor.edit.handles
     size = editor.model.reference.bounding_diagonal
     floor = handle.centre[1] + 0.06 * size
-    editor.floor.set_height(floor)
+    type_height(editor, floor)
     finish(editor)
     editor.handles.select([handle.id])
     dots = editor.state.drawn_handles(editor.vertices, editor.edit.handles).dots
@@ -106,7 +107,7 @@ def test_without_it_the_body_goes_where_it_is_dragged(editor):
 
 def test_the_base_alone_stands_above_it(editor):
     height = float(lowest(editor)) + 0.1
-    editor.floor.set_height(height)
+    type_height(editor, height)
     finish(editor)
     assert lowest(editor) == pytest.approx(height)
 
@@ -121,7 +122,7 @@ def test_the_grid_is_drawn_in_both_themes(editor):
     for dark in (False, True):
         editor.picture.change_look(dark=dark)
         without = pictures()
-        editor.floor.set_height(float(editor.model.reference.vertices[:, 1].min()) - 0.3)
+        type_height(editor, float(editor.model.reference.vertices[:, 1].min()) - 0.3)
         changed = np.abs(pictures() - without).sum(axis=2) > 6
         assert changed.mean() > 0.005
         # It fades: the borders of the picture are as before.
@@ -130,7 +131,7 @@ def test_the_grid_is_drawn_in_both_themes(editor):
 
 
 def test_a_session_keeps_it_and_gives_the_same_pose(editor, tmp_path):
-    editor.floor.set_height(float(lowest(editor)) - 0.05)
+    type_height(editor, float(lowest(editor)) - 0.05)
     pull_down(editor)
     editor.save_session(tmp_path / "work.json")
     again = Session.load(tmp_path / "work.json")
@@ -148,7 +149,7 @@ def test_sessions_of_earlier_versions_have_none(editor, tmp_path):
 
 
 def test_exported_handles_have_it(editor, tmp_path):
-    editor.floor.set_height(float(lowest(editor)) - 0.05)
+    type_height(editor, float(lowest(editor)) - 0.05)
     pull_down(editor)
     height, shown = editor.floor.height, editor.vertices
     export_handles(editor, tmp_path / "h.json")

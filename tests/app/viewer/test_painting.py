@@ -7,6 +7,7 @@ import deformer
 from deformer_app.rendering.palette import KINDS, REGION, SELECTED
 from deformer_app.viewer.changes import NoticeGiven
 from deformer_app.viewer.region_brush import RegionBrush
+from number_fields import type_centre
 from off_screen_editor import click, drag, event, finish, seen, texts
 
 
@@ -119,7 +120,7 @@ def test_a_painted_patch_shows_as_long_as_its_handle_exists(editor):
 
 def test_a_patch_moves_with_the_surface(editor):
     region = paint(editor, 0.9)
-    editor.handles.set_centre(np.add(region.centre, (0.0, 0.2, 0.1)))
+    type_centre(editor, np.add(region.centre, (0.0, 0.2, 0.1)))
     finish(editor)
     drawn = np.asarray(editor.state.view.surface.patches._mesh.points)
     np.testing.assert_allclose(drawn[list(region.patch)], editor.vertices[list(region.patch)],

@@ -10,6 +10,7 @@ import pytest
 
 from deformer import InputError, load_mesh
 from deformer_app.viewer.script import python_script
+from number_fields import type_centre
 from off_screen_editor import finish
 
 
@@ -26,7 +27,7 @@ def run(text, folder):
 def pull(editor, vertex, shift, kind="soft"):
     editor.handles.select([editor.handles.place(vertex)])
     editor.commit("Place handle")
-    editor.handles.set_centre(np.array(editor.edit.handles[-1].centre) + shift)
+    type_centre(editor, np.array(editor.edit.handles[-1].centre) + shift)
     editor.handles.set_kind(kind)
     finish(editor)
 

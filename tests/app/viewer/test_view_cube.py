@@ -7,6 +7,7 @@ import pytest
 
 from deformer_app.rendering.camera import Camera, aim, upright_axes
 from deformer_app.viewer.view_cube import HALF, centre, looking_from, outlines, side_at
+from number_fields import type_centre
 from off_screen_editor import SIZE, click, drag, event, finish
 
 SIDES = [side for side in itertools.product((-1, 0, 1), repeat=3) if any(side)]
@@ -86,7 +87,7 @@ def test_a_manipulator_behind_the_cube_is_seen_through_it_and_pressed(editor):
     there, here = (camera.unproject(p, depth, SIZE) for p in ((x - 25, y + 5), (60, 300)))
 
     def move_to(point):
-        editor.handles.set_centre(point)
+        type_centre(editor, point)
         finish(editor)
         return cube_pixels(editor)
 

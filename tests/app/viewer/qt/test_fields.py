@@ -2,6 +2,7 @@
 
 import pytest
 
+from number_fields import type_centre, type_height
 from person import place, rest
 from waiting import wait_for
 
@@ -15,7 +16,7 @@ def at_work(app, window):
     """The window with a floor, a selected handle with a key, and all docks."""
     from PySide6.QtWidgets import QDockWidget
 
-    window.editor.floor.set_height(-5.0)
+    type_height(window.editor, -5.0)
     place(window, 0)
     window.editor.timeline.keys.set()
     for dock in window.findChildren(QDockWidget):
@@ -232,7 +233,7 @@ def test_a_key_that_is_held_on_a_slider_makes_one_step_of_the_history(app, at_wo
 
 def test_a_typed_coordinate_leaves_the_others_as_exact_as_they_are(app, at_work, hand):
     editor, field = at_work.editor, place_field(at_work)
-    editor.handles.set_centre([0.123456789, 0.2, 0.987654321])
+    type_centre(editor, [0.123456789, 0.2, 0.987654321])
     rest(app, at_work)
     hand(*over(field), "click", "1", "key", "ctrl+a", "type", "0.25")
     hand("key", "Return")

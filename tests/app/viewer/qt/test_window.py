@@ -8,6 +8,7 @@ import pytest
 import deformer
 from contrast import contrast
 from deformer_app.viewer.actions import ACTIONS
+from number_fields import type_centre, type_height
 from person import place, rest
 from shapes import sequence
 from waiting import wait_for
@@ -159,7 +160,7 @@ def test_a_handle_under_the_floor_is_off_the_place_where_it_acts(app, window):
     rest(app, window)
     (handle,) = window.editor.edit.handles
     size = window.editor.model.reference.bounding_diagonal
-    window.editor.floor.set_height(handle.centre[1] + 0.05 * size)
+    type_height(window.editor, handle.centre[1] + 0.05 * size)
     rest(app, window)
     assert window.docks.panel(HandlePanel).table.item(0, 3).text() == "0.00 %"
 
@@ -220,7 +221,7 @@ def test_the_dial_of_the_prior_decides_how_far_a_handle_is_followed(app, window)
 
     place(window, 115)
     x, y, z = window.editor.edit.handles[0].centre
-    window.editor.handles.set_centre([x + 0.2, y + 0.8, z + 0.6])
+    type_centre(window.editor, [x + 0.2, y + 0.8, z + 0.6])
     off = []
     for position in (0, 1000):
         window.docks.panel(ModelPanel).prior.setValue(position)
