@@ -468,6 +468,13 @@ class Editor:
         if self.session.can_redo:
             self._show_entry(self.session.redo())
 
+    def go_to(self, number: int) -> None:
+        """Show `session.entries[number]`, as that many undos or redos do."""
+        before = self.session.cursor
+        entry = self.session.go_to(number)
+        if self.session.cursor != before:
+            self._show_entry(entry)
+
     def _show_entry(self, entry: Entry) -> None:
         self.state.forget_missing(entry.edit.handles)
         self.ask(entry.solution)

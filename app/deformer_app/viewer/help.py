@@ -22,6 +22,7 @@ MOUSE = (
 
 PANELS = (
     ("Enter or Esc", "leave a field, with its new value or the one before"),
+    ("Arrows or a click in the history", "show that step"),
     ("F2", "rename the selected component or pose"),
     ("Alt+Left, Alt+Right", "move a saved pose in its row"),
     ("Alt+1 to Alt+9", "bring a saved camera back"),

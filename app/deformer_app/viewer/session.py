@@ -249,6 +249,12 @@ class Session:
         self.cursor += self.can_redo
         return self.entry
 
+    def go_to(self, number: int) -> Entry:
+        """Undo or redo as many entries as lead to `entries[number]`; return the one shown now."""
+        if not self.under_way:
+            self.cursor = min(max(number, 0), len(self.entries) - 1)
+        return self.entry
+
     @property
     def changed(self) -> bool:
         """True if there are unsaved changes."""

@@ -80,6 +80,10 @@ class Shell(Protocol):
         """Show or hide the help."""
         ...
 
+    def history(self) -> None:
+        """Show or hide the steps of the history."""
+        ...
+
     def about(self) -> None:
         """Show the version, licences and the model's card."""
         ...

@@ -25,6 +25,8 @@ EDIT: Sequence[Action] = (
     Action("redo", "Edit", "Redo", lambda s: s.editor.redo(), "Ctrl+Shift+Z",
            second_key="Ctrl+Y", tool="Redo",
            enabled=lambda e: e.is_open and e.session.can_redo),
+    Action("history", "Edit", "History…", lambda s: s.history(), "Ctrl+H",
+           "All steps; choosing one shows it", dialog=True),
     Action("copy-python", "Edit", "Copy as Python", _copy_as_python, "Ctrl+Shift+C",
            "A script that makes this pose, for the clipboard", dialog=True, rule=True),
     Action("select-all", "Edit", "Select all handles", lambda s: s.editor.handles.select_all(),

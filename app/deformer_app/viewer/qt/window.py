@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PySide6.QtCore import QByteArray, QObject, QSize, QTimer, Signal
+from PySide6.QtCore import QByteArray, QObject, QPoint, QSize, QTimer, Signal
 from PySide6.QtGui import QCloseEvent, QKeySequence, QShortcut
 from PySide6.QtWidgets import (
     QApplication,
@@ -45,6 +45,7 @@ from deformer_app.viewer.qt.elided_label import ElidedLabel
 from deformer_app.viewer.qt.field_focus import FieldFocus
 from deformer_app.viewer.qt.file_dialogs import FileDialogs
 from deformer_app.viewer.qt.help_dialog import HelpDialog
+from deformer_app.viewer.qt.history_dialog import HistoryDialog
 from deformer_app.viewer.qt.later import later
 from deformer_app.viewer.qt.menus import Menus
 from deformer_app.viewer.qt.notices import Notices
@@ -104,6 +105,7 @@ class Window(QMainWindow):
         self.training: TrainingDialog | None = None
         self._dialogs = FileDialogs(self)
         self._help: HelpDialog | None = None
+        self._history: HistoryDialog | None = None
         self._may_close = False
         self._kept: Path | None = None  # the autosave, after Ctrl-C
 
@@ -300,6 +302,13 @@ class Window(QMainWindow):
             return
         self._help = HelpDialog(self)
         self._help.show()
+
+    def history(self) -> None:
+        """Show or hide the steps of the history."""
+        if self._history is None:
+            keys = [self.menus.items[name] for name in ("undo", "redo", "history")]
+            self._history = HistoryDialog(self, self.editor, keys)
+        self._history.toggle(self.plotter.mapToGlobal(QPoint()))
 
     def about(self) -> None:
         """Show the version, licences and the model's card."""

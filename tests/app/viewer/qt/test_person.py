@@ -82,6 +82,7 @@ def test_a_person_pulls_undoes_and_finds_it_again_after_a_crash(screen, model_pa
     try:
         again.wait(agreed)
         again.wait(lambda: len(again.steps()) == 3)
+        again.wait(lambda: again.windows(r"\* – Deformer$"))  # no file of the user's has it
     finally:
         again.end()
 
