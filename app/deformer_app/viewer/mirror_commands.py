@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from deformer import DeformationModel, io
+from deformer import DeformationModel, Symmetry, io
 from deformer_app.viewer import handle_changes
 from deformer_app.viewer.changes import WaitBegun, WaitEnded
-from deformer_app.viewer.edit import Edit, Handle
+from deformer_app.viewer.edit import Edit, Handle, Solution
 from deformer_app.viewer.live_mirror import LiveMirror
 from deformer_app.viewer.mirror_plane import AXES, MirrorPlane
 from deformer_app.viewer.model_files import of_open_model
@@ -20,6 +21,23 @@ if TYPE_CHECKING:
 _NOTHING = "Nothing to mirror: place a handle beside the plane of symmetry first"
 # Share of the body's size by which a pose is off its mirror image from which it is not symmetric.
 _ASYMMETRIC = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class _Mirrored:
+    """The last pose that was mirrored.
+
+    Args:
+        symmetry: the plane.
+        edit: the state before.
+        solution: its pose, if it was at rest.
+        image: the state after.
+    """
+
+    symmetry: Symmetry
+    edit: Edit
+    solution: Solution | None
+    image: Edit
 
 
 class MirrorCommands:
@@ -34,11 +52,12 @@ class MirrorCommands:
         self._editor = editor
         self._live: LiveMirror | None = None
         self._waiting: list[Callable[[], Any]] = []  # for the plane
+        self._mirrored: _Mirrored | None = None
 
     def begin(self, model: DeformationModel | None) -> None:
         """Begin with another model, or without one; the live mirror is off until `restore`."""
         self._live = None if model is None else LiveMirror(MirrorPlane(model))
-        self._waiting = []
+        self._waiting, self._mirrored = [], None
 
     def as_json(self) -> dict[str, Any]:
         """Return the entry in a session: whether both sides are posed at once, and the plane."""
@@ -146,5 +165,16 @@ class MirrorCommands:
         self.with_plane(self._mirror_pose)
 
     def _mirror_pose(self) -> None:
-        image = handle_changes.mirrored_edit(self._editor.edit, self.plane)
-        self._editor.change("Mirror the pose", image, both_sides=False)
+        """Show the mirror image; that of an image is what it was made of.
+
+        Computed anew, the pose would be up to a hundredth of the body's size off: hardly a body has
+        two equal halves, and no code has exactly the image of another one's shape.
+        """
+        editor, symmetry, last = self._editor, self.plane.symmetry, self._mirrored
+        edit, solution = editor.edit, editor.resting_solution
+        if last is not None and last.symmetry is symmetry and last.image == edit:
+            image, known = last.edit, last.solution
+        else:
+            image, known = handle_changes.mirrored_edit(edit, self.plane), None
+        self._mirrored = _Mirrored(symmetry, edit, solution, image)
+        editor.change("Mirror the pose", image, both_sides=False, solution=known)

@@ -9,6 +9,7 @@ from deformer_app.viewer import handle_changes
 from deformer_app.viewer.edit import Edit, Handle, point
 from deformer_app.viewer.mirror_plane import MirrorPlane
 from deformer_app.viewer.pose_worker import PoseWorker
+from off_screen_editor import finish
 from shapes import small_model, strip
 
 
@@ -83,3 +84,29 @@ def test_the_image_of_a_code_is_closer_to_the_image_of_its_shape_than_any_exampl
     found, wanted = model.decode(plane.mirrored_code(model.codes[4])), plane.mirrored_pose(shape)
     error = deformer.e_rms(wanted, found)
     assert error <= min(deformer.e_rms(wanted, example) for example in model.decode(model.codes))
+
+
+def test_a_pose_that_is_mirrored_twice_is_the_one_that_it_was(editor):
+    def mirrored():
+        editor.mirror.mirror_pose()
+        finish(editor)
+        return editor.edit, editor.vertices.copy()
+
+    editor.prior.start_from("Shape 4", editor.model.codes[4])
+    editor.handles.place(115)
+    editor.handles.slide_centre(np.add(editor.vertices[115], (0.0, 0.3, 0.2)))
+    editor.commit("Move")
+    finish(editor)
+    edit, vertices = editor.edit, editor.vertices.copy()
+    image, shape = mirrored()
+    assert np.abs(shape - vertices).max() > 0.1
+    for wanted, there in ((edit, vertices), (image, shape), (edit, vertices)):
+        found, surface = mirrored()
+        assert found == wanted
+        np.testing.assert_allclose(surface, there, atol=1e-9)
+    editor.prior.set_noise(0.5 * editor.edit.noise)
+    editor.commit("Strength of the prior")
+    assert mirrored()[0].noise == editor.edit.noise == 0.5 * edit.noise
+    editor.undo()
+    editor.mirror.plane.set_across("y")  # another plane: other images
+    assert mirrored()[0] != image
