@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deformer_app.viewer.edit import Body
+from deformer_app.viewer.component_names import component_title
+from deformer_app.viewer.component_scale import ComponentScale
+from deformer_app.viewer.edit import Body, Edit
 from deformer_app.viewer.model_files import start_codes
 from deformer_app.viewer.pose_path import PosePath
 from deformer_app.viewer.poses import SavedPose
@@ -19,6 +21,8 @@ from deformer_app.viewer.worker import in_background
 
 if TYPE_CHECKING:
     from deformer_app.viewer.editor import Editor
+
+_SEEN = 0.005  # a difference of two weights that their numbers show
 
 
 class PriorCommands:
@@ -95,6 +99,32 @@ class PriorCommands:
         base = list(start.base)
         base[component] += value - float(self._code_before_slide[component])
         editor.show_edit(replace(start, base=tuple(base)))
+
+    def tell_of_pull(self, component: int, scale: ComponentScale, asked: float) -> None:
+        """Say how far a component has come once the pose rests, where handles pull it elsewhere.
+
+        Args:
+            component: index k.
+            scale: of the component.
+            asked: the weight that it was to have.
+        """
+        edit = self._editor.edit
+        if edit.handles:
+            self._editor.run(self._tell_at_rest(edit, component, scale, asked))
+
+    def _tell_at_rest(
+        self, edit: Edit, component: int, scale: ComponentScale, asked: float
+    ) -> Iterator[None]:
+        editor = self._editor
+        while editor.is_open and editor.edit == edit and not editor.at_rest:
+            yield
+        if editor.is_open and editor.edit == edit and editor.resting_solution is not None:
+            found = scale.weight(float(editor.code[component]))
+            if abs(found - asked) >= _SEEN:
+                title = component_title(editor.model, component)
+                editor.note(
+                    f"{title}: {asked:.2f} asked for, {found:.2f} reached; handles hold the shape"
+                )
 
     def set_noise(self, noise: float) -> None:
         """Set the expected distance of handles from their targets until `commit`."""

@@ -65,6 +65,7 @@ class ComponentRow(QWidget):
         super().__init__()
         self._editor, self._attempt = editor, attempt
         self.component, self.scale = component, scale
+        self._asked = 0.0
         self.name = EditableLabel(
             lambda text: attempt(lambda: rename_component(editor, component, text))
         )
@@ -87,7 +88,7 @@ class ComponentRow(QWidget):
         self.value = _Number()
         self.value.setToolTip("0 is the reference, 1 the extreme among the examples")
         self.value.valueChanged.connect(self._slide)
-        self.value.settled.connect(self._commit)
+        self.value.settled.connect(lambda: self._commit())
         reset = _button("↺", "Back to the reference's value")
         reset.clicked.connect(self.reset)
         self.extremes = tuple(
@@ -135,13 +136,17 @@ class ComponentRow(QWidget):
     def reset(self) -> None:
         """Go back to the reference's value."""
         self._slide(0.0)
-        self._editor.commit(f"Reset {self._editor.model.label(self.component)}")
+        self._commit(f"Reset {self._editor.model.label(self.component)}")
 
     def _slide(self, weight: float) -> None:
+        self._asked = weight
         self._editor.prior.slide(self.component, self.scale.activation(weight))
 
-    def _commit(self) -> None:
-        self._editor.commit(component_title(self._editor.model, self.component))
+    def _commit(self, label: str = "") -> None:
+        """Make the slide a step, and say how far it came if handles pull the pose elsewhere."""
+        editor, k = self._editor, self.component
+        editor.commit(label or component_title(editor.model, k))
+        editor.prior.tell_of_pull(k, self.scale, self._asked)
 
     def _go_to(self, weight: float) -> None:
         self._slide(weight)

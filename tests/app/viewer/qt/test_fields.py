@@ -262,3 +262,33 @@ def test_places_have_digits_and_steps_for_a_body_of_any_size(app, window, tmp_pa
         assert abs(field.value() - value) <= 1e-4 * size
         assert field.singleStep() == pytest.approx(0.002 * size, rel=0.01)
         assert len(field.text()) <= 14
+
+
+@pytest.mark.parametrize("kind", ["exact", "soft", None])
+def test_a_weight_that_handles_pull_elsewhere_is_told(app, window, hand, kind):
+    from deformer_app.viewer.component_names import component_title
+    from deformer_app.viewer.qt.component_panel import ComponentPanel
+
+    if kind is not None:
+        place(window, 0, 60, 115)
+        window.editor.handles.set_kind(kind)
+    rest(app, window)
+    window.notices.hide_note()
+    panel, field = window.docks.panel(ComponentPanel), weight_field(window)
+    row = next(row for row in panel.rows.values() if row.value is field)
+    hand(*over(field), "click", "1", "key", "ctrl+a", "type", "1.5")
+    hand("key", "Return")
+    rest(app, window)
+    title, note = component_title(window.editor.model, row.component), window.notices.note
+    if kind is None:
+        assert field.text() == "1.50" and not note.isVisible()
+    else:
+        assert field.text() != "1.50"
+        assert note.isVisible() and note.text == (
+            f"{title}: 1.50 asked for, {field.text()} reached; handles hold the shape"
+        )
+    if kind == "exact":
+        window.notices.hide_note()
+        row.extremes[1]._clicked()
+        rest(app, window)
+        assert f"{row.scale.high:.2f} asked for" in note.text and note.isVisible()
