@@ -358,18 +358,43 @@ def framed(
     axes = camera.axes()
     local = (points - middle) @ axes.T
 
-    # With the eye on the axis through the middle of the silhouette, a point at depth z needs the
-    # distance z + |y| / tan(half field of view), and likewise for the width.
     tangent = np.tan(np.radians(camera.view_angle) / 2) * (1 - 2 * margin)
-    shift = (local[:, :2].min(axis=0) + local[:, :2].max(axis=0)) / 2
-    flat = np.abs(local[:, :2] - shift)
-    reach = np.maximum(flat[:, 0] / aspect, flat[:, 1]) / tangent
-    nearness = 0.0 if camera.is_orthographic else local[:, 2]
-    distance = max(float((nearness + reach).max()), np.finfo(float).tiny)
+    depths = np.zeros(len(local)) if camera.is_orthographic else local[:, 2]
+    spans = [(local[:, 0], aspect * tangent), (local[:, 1], tangent)]
+    distance = max(*(_least_distance(x, depths, slope) for x, slope in spans))
+    distance = max(distance, np.finfo(float).tiny)
+    shift = np.array([_middle(x, depths, distance, slope) for x, slope in spans])
     focal = middle + shift @ axes[:2]
     eye = focal + distance * axes[2]
     moved = replace(camera, position=_vector(eye), focal=_vector(focal), height=None)
     return moved.orthographic() if camera.is_orthographic else moved
+
+
+def _least_distance(x: NDArray, depths: NDArray, slope: float) -> float:
+    """Return the distance of an eye that just sees all points between two lines of sight.
+
+    Args:
+        x: (n,) places of the points across the view.
+        depths: (n,) how far they are towards the eye.
+        slope: of the lines of sight, x over distance.
+    """
+    return float((x + slope * depths).max() - (x - slope * depths).min()) / (2 * slope)
+
+
+def _middle(x: NDArray, depths: NDArray, distance: float, slope: float) -> float:
+    """Return the place of an eye, at a distance, from which points lie in the picture's middle.
+
+    Lines of sight of a slope meet at the eye that just sees all points between them. The smaller
+    the slope the farther that eye is, so that the slope for a distance is found by bisection.
+    """
+    low, high = 0.0, slope
+    for _ in range(30):
+        slope = (low + high) / 2
+        if _least_distance(x, depths, slope) > distance:
+            low = slope
+        else:
+            high = slope
+    return float((x + high * depths).max() + (x - high * depths).min()) / 2
 
 
 def _vector(array: NDArray) -> Vector:

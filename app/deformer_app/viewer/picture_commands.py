@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,10 +29,14 @@ class PictureCommands:
 
     def frame(self, azimuth: float = 25.0, elevation: float = 8.0) -> None:
         """Aim the camera at the whole shape from a direction in degrees; see `aim`."""
-        self._editor.state.viewpoint.frame(self._editor.vertices, azimuth, elevation)
+        viewpoint = self._editor.state.viewpoint
+        self._frame(lambda: viewpoint.frame(self._editor.vertices, azimuth, elevation))
 
     def frame_selected(self) -> None:
         """Frame the selected handles and what is around them, or all; the direction stays."""
+        self._frame(self._frame_selected)
+
+    def _frame_selected(self) -> None:
         editor = self._editor
         chosen = editor.state.selection(editor.edit.handles)
         reach = _AROUND * editor.model.reference.bounding_diagonal
@@ -40,7 +45,31 @@ class PictureCommands:
 
     def frame_all(self) -> None:
         """Frame the whole shape from the present direction."""
-        self._editor.state.viewpoint.frame_on(self._editor.vertices)
+        self._frame(lambda: self._editor.state.viewpoint.frame_on(self._editor.vertices))
+
+    def _frame(self, aim: Callable[[], None]) -> None:
+        """Aim the camera at what is seen and, if a step's pose is on its way, at that, too.
+
+        An undo, a reset or a pasted pose may bring the body to another place.
+        """
+        editor = self._editor
+        on_its_way = editor.busy and not (editor.dragging or editor.session.under_way)
+        aim()
+        if on_its_way and not editor.timeline.playing:
+            editor.run(self._aim_at_rest(aim))
+
+    def _aim_at_rest(self, aim: Callable[[], None]) -> Iterator[None]:
+        """Aim once more when the pose rests, unless the user goes on with view or pose."""
+        editor = self._editor
+        edit, camera = editor.edit, editor.state.camera
+
+        def goes_on() -> bool:
+            return not editor.is_open or editor.edit != edit or editor.state.camera != camera
+
+        while not (goes_on() or editor.at_rest):
+            yield
+        if not goes_on():
+            aim()
 
     def change_look(self, **changes: Any) -> None:
         """Change how the picture is drawn; see `Look`."""

@@ -167,10 +167,10 @@ def test_aim_shows_all_as_large_as_fits(orthographic, elevation):
         POINTS, elevation=elevation, aspect=width / height, margin=0.1, orthographic=orthographic
     )
     assert camera.is_orthographic == orthographic
-    share = np.abs(camera.project(POINTS, SIZE) / SIZE - 0.5).max(axis=0)
-    assert share.max() <= 0.4 + 1e-9
-    if orthographic:
-        assert share.max() == pytest.approx(0.4)
+    places = camera.project(POINTS, SIZE) / SIZE - 0.5
+    low, high = places.min(axis=0), places.max(axis=0)
+    np.testing.assert_allclose(low, -high, atol=1e-6, err_msg="in the middle of the picture")
+    assert high.max() == pytest.approx(0.4)
 
 
 @pytest.mark.parametrize("elevation", [90.0, -90.0])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from deformer_app.viewer.changes import MenuAsked
+from deformer_app.viewer.gizmo import translation
 from off_screen_editor import SIZE, click, drag, event, finish, press_key, seen
 
 
@@ -51,6 +52,36 @@ def test_framing_keeps_the_direction_and_shows_the_selection_or_all(editor):
     there = pixels(editor)[vertex]
     np.testing.assert_allclose(there, np.array(SIZE) / 2, atol=60)
     assert np.ptp(pixels(editor), axis=0).max() > 1.5 * np.ptp(whole, axis=0).max()
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+def test_a_view_shows_where_the_body_comes_to_rest(editor, orthographic):
+    """A step's pose is on its way while the user asks for a view of it."""
+    if orthographic:
+        editor.state.viewpoint.toggle_orthographic()
+    for vertex in (0, 60, 115):
+        editor.handles.place(vertex, add=True)
+    editor.handles.select_all()
+    editor.handles.move_selected(translation([9.0, 5.0, 0.0]))
+    editor.commit("Move")
+    finish(editor)
+
+    def off():
+        places = pixels(editor) / SIZE - 0.5
+        return np.abs(places.min(axis=0) + places.max(axis=0)).max()
+
+    views = (editor.picture.frame_all, lambda: editor.picture.frame(0, 0))
+    for step, view in zip((editor.undo, editor.redo), views, strict=True):
+        step()
+        view()
+        finish(editor)
+        assert off() < 1e-3
+    editor.undo()
+    editor.picture.frame_all()
+    drag(editor, (8, 8), (70, 40))  # the user goes on with another view
+    camera = editor.state.camera
+    finish(editor)
+    assert editor.state.camera == camera
 
 
 def outline(editor):
