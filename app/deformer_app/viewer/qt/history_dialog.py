@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
-from PySide6.QtCore import QPoint, QSignalBlocker, QSize, Qt
-from PySide6.QtGui import QAction, QBrush, QKeySequence, QPalette, QShortcut
+from PySide6.QtCore import QEvent, QPoint, QSignalBlocker, QSize, Qt
+from PySide6.QtGui import QAction, QKeySequence, QPalette, QShortcut
 from PySide6.QtWidgets import QDialog, QListWidget, QVBoxLayout, QWidget
 
 from deformer_app.viewer.changes import Change, HistoryChanged, ModelClosed
@@ -75,13 +75,24 @@ class HistoryDialog(QDialog):
                 steps.takeItem(steps.count() - 1)
             steps.addItems(labels[same:])
             low, high = sorted((self._shown, session.cursor))
-            undone = self.palette().brush(QPalette.ColorGroup.Disabled, QPalette.ColorRole.Text)
-            for n in {*range(low, min(high + 1, len(labels))), *range(same, len(labels))}:
-                brush = undone if n > session.cursor else QBrush()
-                steps.item(n).setData(Qt.ItemDataRole.ForegroundRole, brush)
+            self._colour({*range(low, min(high + 1, len(labels))), *range(same, len(labels))})
             steps.setCurrentRow(session.cursor)
         self._shown = session.cursor
         steps.scrollToItem(steps.item(session.cursor))
+
+    def _colour(self, rows: Iterable[int]) -> None:
+        """Make steps that are undone grey."""
+        grey = self.palette().brush(QPalette.ColorGroup.Disabled, QPalette.ColorRole.Text)
+        for n in rows:
+            undone = n > self._editor.session.cursor
+            self.steps.item(n).setData(Qt.ItemDataRole.ForegroundRole, grey if undone else None)
+
+    def changeEvent(self, event: QEvent) -> None:
+        """Take the grey of another theme."""
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange and self.isVisible():
+            with QSignalBlocker(self.steps):
+                self._colour(range(self.steps.count()))
 
     def _go_to(self, row: int) -> None:
         """Show a step; where one is being made, that one stays."""

@@ -61,11 +61,12 @@ def test_a_step_that_is_chosen_is_shown_as_undo_and_redo_show_it(app, window, ha
 
 
 def test_it_follows_new_steps_in_place_of_those_undone(app, window, hand, history):
-    from PySide6.QtGui import QBrush
+    from PySide6.QtCore import Qt
 
     def grey():
-        steps = history.steps
-        return [n for n in range(steps.count()) if steps.item(n).foreground() != QBrush()]
+        items = [history.steps.item(n) for n in range(history.steps.count())]
+        role = Qt.ItemDataRole.ForegroundRole
+        return [n for n, item in enumerate(items) if item.data(role) is not None]
 
     hand(*row(history, 1))
     assert grey() == [2, 3]
@@ -90,3 +91,53 @@ def test_a_step_that_is_being_made_is_not_left(app, window, hand, history):
     assert texts(history)[-1] == "4  Strength of the prior" and history.steps.currentRow() == 4
     window.editor.close_model()
     assert not history.isVisible()
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_labels_can_be_read_in_both_themes(app, window, hand, history, dark):
+    from contrast import contrast
+
+    hand(*row(history, 2))
+    window.choose_theme(not dark)
+    rest(app, window)
+    window.choose_theme(dark)
+    rest(app, window)
+    app.processEvents()
+    steps = history.steps
+    image = steps.viewport().grab().toImage()
+
+    def ink(number):
+        """The strongest contrast of a row's pixels to its ground."""
+        area = steps.visualItemRect(steps.item(number))
+        ground = image.pixelColor(area.right() - 2, area.center().y()).getRgb()[:3]
+        pixels = {
+            image.pixelColor(x, y).getRgb()[:3]
+            for x in range(area.left(), area.left() + 100)
+            for y in range(area.top(), area.bottom())
+        }
+        return max(contrast(ground, pixel) for pixel in pixels)
+
+    # Thin strokes are blended with their ground.
+    assert ink(0) > 4.5 and ink(2) > 3.0 and 1.8 < ink(3) < ink(0)
+
+
+def test_a_long_history_is_listed_at_once(app, window, hand, history):
+    """Rows that are there stay: of 800 steps, one more makes one row."""
+    from dataclasses import replace
+
+    editor, model = window.editor, history.steps.model()
+    start = editor.edit
+    for n in range(800):
+        editor.session.do(f"Step {n}", replace(start, noise=start.noise * (2 + n)))
+    history._fill()
+    rows = []
+    model.rowsInserted.connect(lambda _, first, last: rows.extend(range(first, last + 1)))
+    model.rowsRemoved.connect(lambda _, first, last: rows.extend(range(first, last + 1)))
+    coloured = []
+    model.dataChanged.connect(lambda first, last, roles: coloured.append(first.row()))
+    place(window, 20)
+    rest(app, window)
+    assert rows == [804] and set(coloured) <= {803, 804}
+    hand("key", "Home")
+    rest(app, window)
+    assert editor.session.cursor == 0 and len(editor.session.entries) == 805
