@@ -62,21 +62,16 @@ class Dock:
     scrolls: bool = False
 
 
+_BELOW = 236  # height at first of the docks below the picture: five rows of keys and that of all
+
 # In this order from the top of each side. A new dock is one line here.
 DOCKS = (
     Dock("Model", lambda of: ModelPanel(of.editor), "left", (250, 400)),
     Dock("Handles", lambda of: HandlePanel(of.editor), "right", (310, 330)),
     Dock("Components", ComponentPanel, "right", (310, 370), scrolls=True),
     Dock("Reference", lambda of: PicturePanel(of.editor), "left", (250, 260), shown=False),
-    Dock("Poses", PoseStrip, "bottom", (900, 200), scrolls=True),
-    Dock(
-        "Timeline",
-        lambda of: TimelinePanel(of.editor),
-        "bottom",
-        (900, 200),
-        shown=False,
-        scrolls=True,
-    ),
+    Dock("Poses", PoseStrip, "bottom", (900, _BELOW), scrolls=True),
+    Dock("Timeline", TimelinePanel, "bottom", (900, _BELOW), shown=False, scrolls=True),
 )
 
 
@@ -116,6 +111,10 @@ class Docks:
             window.tabifyDockWidget(dock, after)
         for way, axis in ((Qt.Orientation.Horizontal, 0), (Qt.Orientation.Vertical, 1)):
             window.resizeDocks(self._docks, [entry.size[axis] for entry in DOCKS], way)
+        timeline = self._dock("Timeline")
+        timeline.visibilityChanged.connect(
+            lambda _: self.panel(PoseStrip).follow_timeline(not timeline.isHidden())
+        )
         self._timeline.on_change.append(self._open_timeline)
         self._dock("Reference").toggleViewAction().triggered.connect(self._decided)
 
@@ -138,11 +137,15 @@ class Docks:
             self._picture.setFocus()
 
     def _open_timeline(self) -> None:
-        """Open the dock of the timeline with the first key, or when the clip plays."""
+        """Open the dock of the timeline with the first key, or when the clip plays.
+
+        Where the dock of poses shows the playhead, it stays in front.
+        """
         has_keys, playing = bool(self._timeline.clip.tracks), self._timeline.playing
-        begins = (has_keys and not self._had_keys) or (playing and not self._played)
+        first, plays = has_keys and not self._had_keys, playing and not self._played
         self._had_keys, self._played = has_keys, playing
-        if begins:
+        seen = self.panel(PoseStrip).shows_time
+        if (first and self._dock("Timeline").isHidden()) or ((first or plays) and not seen):
             self._open("Timeline")
 
     def _open_reference(self) -> None:

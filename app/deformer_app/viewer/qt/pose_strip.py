@@ -28,6 +28,7 @@ from deformer_app.viewer.qt.horizontal_scroll import HorizontalScroll
 from deformer_app.viewer.qt.pose_list import NamedCode, PoseList
 from deformer_app.viewer.qt.slider import STEPS, Slider
 from deformer_app.viewer.qt.surroundings import Surroundings
+from deformer_app.viewer.qt.time_strip import TimeStrip
 
 _FEW = 24  # examples that are shown at first
 _SLIDER = 60  # pixels, at least
@@ -46,6 +47,7 @@ class PoseStrip(QWidget):
         every: button that shows all examples in place of a few that represent them.
         save: button that saves the present pose.
         blend: slider from the present pose to the selected one.
+        time: playhead and keys, while there are keys or the dock of the timeline is open.
     """
 
     def __init__(self, of: Surroundings) -> None:
@@ -55,6 +57,7 @@ class PoseStrip(QWidget):
         self._blend = PoseBlend(of.editor)
         self._all: list[NamedCode] = []
         self._theme: Any = None
+        self.time, self._timeline_open = TimeStrip(of.time), False
         self.saved = PoseList(of.thumbnails, editable=True)
         self.examples = PoseList(of.thumbnails)
         self.save = QPushButton("Save pose")
@@ -112,7 +115,24 @@ class PoseStrip(QWidget):
         lists.setChildrenCollapsible(False)
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(0)
+        column.addWidget(self.time)
         column.addWidget(HorizontalScroll(lists))
+        self._editor.timeline.on_change.append(self._show_time)
+        self._show_time()
+
+    def follow_timeline(self, is_open: bool) -> None:
+        """Show the playhead while the dock of the timeline is open, even without keys."""
+        self._timeline_open = is_open
+        self._show_time()
+
+    def _show_time(self) -> None:
+        self.time.setVisible(self._timeline_open or bool(self._editor.timeline.clip.tracks))
+
+    @property
+    def shows_time(self) -> bool:
+        """True while the user sees the playhead here."""
+        return not self.time.visibleRegion().isEmpty()
 
     def model_changed(self) -> None:
         """List the examples of another model."""

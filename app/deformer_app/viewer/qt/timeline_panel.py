@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from PySide6.QtCore import QSignalBlocker, Qt
-from PySide6.QtGui import QResizeEvent, QWheelEvent
+from PySide6.QtCore import QSignalBlocker
+from PySide6.QtGui import QWheelEvent
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
@@ -15,23 +15,23 @@ from PySide6.QtWidgets import (
     QProgressBar,
     QSizePolicy,
     QSpinBox,
-    QToolButton,
     QVBoxLayout,
     QWidget,
 )
 
-from deformer_app.viewer.editor import Editor
 from deformer_app.viewer.qt.horizontal_scroll import HorizontalScroll
 from deformer_app.viewer.qt.icons import put_icon
 from deformer_app.viewer.qt.number_field import NumberField
 from deformer_app.viewer.qt.onion_button import OnionButton
+from deformer_app.viewer.qt.surroundings import Surroundings
+from deformer_app.viewer.qt.timeline_buttons import TimelineButtons, tool_button
 from deformer_app.viewer.qt.timeline_rows import ROW, TimelineRows, WholeRows
-from deformer_app.viewer.qt.timeline_ruler import LABELS, TimelineRuler
+from deformer_app.viewer.qt.timeline_ruler import TimelineRuler
+from deformer_app.viewer.qt.timeline_summary import TimelineSummary
+from deformer_app.viewer.qt.timeline_view import LABELS
 from deformer_app.viewer.timeline.keys import LONGEST, RATES
 from deformer_app.viewer.timeline.scale import Scale
 
-_ZOOM = 1.2  # a notch of the wheel
-_NOTCH = 120  # Qt's units of a notch
 _NUMBER = 58  # width of a field, in pixels
 _BESIDE = 14  # pixels between the progress and frame 0, for the playhead's number
 
@@ -40,45 +40,46 @@ class TimelinePanel(QWidget):
     """Playback, keys and the playhead.
 
     Args:
-        editor: whose handles are keyed.
+        of: parts of the window that the panel uses.
 
     Attributes:
         ruler: numbers of frames.
+        summary: the keys of each frame as one.
         rows: the keys.
-        play: the button that plays or stops.
+        buttons: previous key, play, next key, and key.
         frame, length: fields of the playhead and of the number of frames.
         onion: button of the onion skins.
         progress: bar of the fit.
     """
 
-    def __init__(self, editor: Editor) -> None:
+    def __init__(self, of: Surroundings) -> None:
         """Lay out; `refresh` fills it."""
         super().__init__()
-        self._editor, self._seen = editor, frozenset[int]()
-        self._timeline = timeline = editor.timeline
-        self._scale, self._fitted_to = Scale(), (0, 0)
-        self.ruler = TimelineRuler(timeline, lambda: self._scale)
-        self.rows = TimelineRows(editor, lambda: self._scale)
+        self._editor, self._seen = of.editor, frozenset[int]()
+        self._timeline, self._view = of.editor.timeline, of.time
+        self.ruler = TimelineRuler(of.time)
+        self.summary = TimelineSummary(of.time)
+        self.rows = TimelineRows(of.editor, of.time)
         column = QVBoxLayout(self)
         column.setContentsMargins(4, 2, 4, 2)
         column.setSpacing(2)
-        self.onion = OnionButton(timeline)
+        self.onion = OnionButton(self._timeline)
         column.addWidget(self._controls())
         column.addWidget(self.ruler)
         self._add_progress()
+        column.addWidget(self.summary)
         self._area = WholeRows(self.rows)
         column.addWidget(self._area, 1)
-        timeline.on_change.append(self.refresh)
+        self._timeline.on_change.append(self.refresh)
 
     def _controls(self) -> QWidget:
         timeline, body = self._timeline, QWidget()
         row = QHBoxLayout(body)
         row.setContentsMargins(0, 0, 0, 0)
         row.setSpacing(4)
-        self.previous = self._button(row, "◂◆", "Previous key  Ctrl+Left",
-                                     lambda: timeline.go_to_key(-1))  # fmt: skip
-        self.play = self._button(row, "▶", "Play or stop  Space", timeline.play_or_stop)
-        self.next = self._button(row, "◆▸", "Next key  Ctrl+Right", lambda: timeline.go_to_key(1))
+        self.buttons = TimelineButtons(timeline)
+        for button in self.buttons.playback:
+            row.addWidget(button)
         self.loop = self._check(row, "Loop", "Play again and again", timeline.set_loop)
         self.frame = self._spin(row, "Frame", 0, LONGEST - 1, timeline.seek)
         self.length = self._spin(row, "of", 1, LONGEST, lambda n: timeline.set_clip(length=n))
@@ -88,11 +89,9 @@ class TimelinePanel(QWidget):
         self.rate.activated.connect(lambda n: timeline.set_clip(fps=RATES[n]))
         row.addWidget(self.rate)
         row.addSpacing(8)
-        self.key = self._button(
-            row, "◆ Key", "Key the selected handles, or all  K", timeline.keys.set
-        )
-        self.delete = self._button(row, "Delete", "Delete the selected keys, or those at the "
-                                   "playhead  Shift+K", timeline.keys.delete)  # fmt: skip
+        row.addWidget(self.buttons.key)
+        row.addWidget(tool_button("Delete", "Delete the selected keys, or those at the playhead  "
+                                  "Shift+K", timeline.keys.delete))  # fmt: skip
         self.auto = self._check(row, "Auto-key", "Once there are keys, every change of a handle or "
                                 "slider sets one at the playhead", self._set_auto)  # fmt: skip
         self.smoothness = NumberField(0.0, 1000.0, 0)
@@ -118,17 +117,9 @@ class TimelinePanel(QWidget):
         self.progress = QProgressBar()
         self.progress.setToolTip("Frames whose poses have been fitted to the keys")
         row.addWidget(self.progress, 1)
-        self.cancel = self._button(row, "", "Stop the fit", self._timeline.cancel_fit)
+        self.cancel = tool_button("", "Stop the fit", self._timeline.cancel_fit)
+        row.addWidget(self.cancel)
         put_icon(self.cancel, "x")
-
-    def _button(self, row: QHBoxLayout, text: str, tip: str, run: Callable[[], Any]) -> QToolButton:
-        button = QToolButton()
-        button.setText(text)
-        button.setToolTip(tip)
-        button.setProperty("narrow", True)
-        button.clicked.connect(lambda _=False: run())
-        row.addWidget(button)
-        return button
 
     def _check(
         self, row: QHBoxLayout, text: str, tip: str, run: Callable[[bool], Any]
@@ -155,39 +146,14 @@ class TimelinePanel(QWidget):
     def _set_auto(self, on: bool) -> None:
         self._timeline.auto_key = on
 
-    # The scale.
-
     @property
     def scale(self) -> Scale:
         """Where frames are."""
-        return self._scale
-
-    def _fit_scale(self) -> None:
-        """Show the whole clip once its length or the panel's width changes."""
-        wanted = (self._timeline.clip.length, self.rows.width())
-        if wanted != self._fitted_to:
-            self._fitted_to = wanted
-            self._scale = Scale.of(wanted[0], wanted[1] - LABELS)
-
-    def resizeEvent(self, event: QResizeEvent) -> None:
-        """Show the whole clip."""
-        super().resizeEvent(event)
-        self._fit_scale()
+        return self._view.scale
 
     def wheelEvent(self, event: QWheelEvent) -> None:
         """Zoom about the mouse; with Shift, or sideways, scroll."""
-        delta = event.angleDelta()
-        sideways = delta.x() or (
-            delta.y() if event.modifiers() & Qt.KeyboardModifier.ShiftModifier else 0
-        )
-        if sideways:
-            self._scale = self._scale.scrolled(-sideways, self._timeline.clip.length)
-        else:
-            x = event.position().x() - self.ruler.x() - LABELS
-            self._scale = self._scale.zoomed(_ZOOM ** (delta.y() / _NOTCH), x)
-        self.ruler.update()
-        self.rows.update()
-        event.accept()
+        self._view.turn(event, event.position().x() - self.ruler.x() - LABELS)
 
     # What is shown.
 
@@ -198,7 +164,6 @@ class TimelinePanel(QWidget):
     def refresh(self) -> None:
         """Show the keys, the playhead and the progress."""
         timeline, clip = self._timeline, self._timeline.clip
-        self._fit_scale()
         self.onion.refresh()
         for box, value in ((self.frame, timeline.frame), (self.length, clip.length)):
             if box.value() != value:
@@ -210,7 +175,6 @@ class TimelinePanel(QWidget):
         for check, on in ((self.loop, timeline.loop), (self.auto, timeline.auto_key)):
             with QSignalBlocker(check):
                 check.setChecked(on)
-        self.play.setText("■" if timeline.playing else "▶")
         progress = timeline.progress
         self.progress.setVisible(progress is not None)
         self.cancel.setVisible(progress is not None)
@@ -222,8 +186,6 @@ class TimelinePanel(QWidget):
             self.progress.setValue(done)
         self.rows.updateGeometry()
         self._show_selected()
-        self.ruler.update()
-        self.rows.update()
 
     def _show_selected(self) -> None:
         """Scroll to the handles that have been selected since the last time."""

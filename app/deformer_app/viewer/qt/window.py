@@ -58,6 +58,7 @@ from deformer_app.viewer.qt.start_page import StartPage
 from deformer_app.viewer.qt.still_wheel import StillWheel
 from deformer_app.viewer.qt.surroundings import Surroundings
 from deformer_app.viewer.qt.theme_choice import ThemeChoice
+from deformer_app.viewer.qt.timeline_view import TimelineView
 from deformer_app.viewer.qt.tour import Tour
 from deformer_app.viewer.qt.trained_models import TrainedModels
 from deformer_app.viewer.qt.training_bar import TrainingBar
@@ -156,7 +157,13 @@ class Window(QMainWindow):
         self.menus.recent.aboutToShow.connect(lambda: self.files.fill_recent(self.menus.recent))
         self.docks = Docks(
             self,
-            Surroundings(self.editor, self.thumbnails, self.settings, self.attempt),
+            Surroundings(
+                self.editor,
+                self.thumbnails,
+                self.settings,
+                TimelineView(self.editor.timeline),
+                self.attempt,
+            ),
             self.plotter,
         )
         self.menus.menus["View"].addActions(list(self.docks.toggles))

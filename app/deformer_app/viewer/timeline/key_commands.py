@@ -111,8 +111,7 @@ class KeyCommands:
         self._timeline.selected = frozenset((owner, key.frame) for owner, key in pasted)
         self._timeline.change("Paste keys", self._timeline.clip.with_keys(pasted))
 
-    def select(self, names: Iterable[KeyName], toggle: bool = False) -> None:
-        """Select keys: these alone, or toggled."""
-        chosen = frozenset(names)
-        self._timeline.selected = self._timeline.selected ^ chosen if toggle else chosen
+    def select(self, names: Iterable[KeyName]) -> None:
+        """Select these keys alone."""
+        self._timeline.selected = frozenset(names)
         self._timeline.tell()

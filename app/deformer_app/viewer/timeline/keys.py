@@ -166,6 +166,24 @@ class Clip:
         """Names of all keys."""
         return [(track.owner, frame) for track in self.tracks for frame in track.frames]
 
+    @cached_property
+    def by_frame(self) -> dict[int, list[KeyName]]:
+        """Names of all keys, by their frames."""
+        found: dict[int, list[KeyName]] = {}
+        for name in self.names:
+            found.setdefault(name[1], []).append(name)
+        return found
+
+    @cached_property
+    def linear(self) -> frozenset[KeyName]:
+        """Names of the keys that go on to the next one straight."""
+        return frozenset(
+            (track.owner, key.frame)
+            for track in self.tracks
+            for key in track.keys
+            if key.ease == "linear"
+        )
+
     def with_keys(self, keys: Iterable[tuple[int, Key]]) -> Clip:
         """Return the clip with keys added, each with its owner; it becomes as long as they need."""
         given: dict[int, list[Key]] = {}
@@ -213,10 +231,9 @@ class Clip:
 
     def next_key(self, frame: int, step: int) -> int | None:
         """The frame of the next key after (`step` 1) or before (−1) a frame; None if none is."""
-        frames = {name[1] for name in self.names}
         if step > 0:
-            return min((f for f in frames if f > frame), default=None)
-        return max((f for f in frames if f < frame), default=None)
+            return min((f for f in self.by_frame if f > frame), default=None)
+        return max((f for f in self.by_frame if f < frame), default=None)
 
     def at(self, edit: Edit, frame: int) -> Edit:
         """Return the state of a frame: a state's handles and sliders, the keyed ones placed."""

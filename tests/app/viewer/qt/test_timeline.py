@@ -188,11 +188,11 @@ def test_the_play_button_plays_in_real_time(app, window, panel, keyed, mouse):
     from PySide6.QtCore import QPointF
 
     keyed.seek(0)
-    mouse.click(panel.play, QPointF(5, 5))
+    mouse.click(panel.buttons.play, QPointF(5, 5))
     assert keyed.playing
     seen = set()
     wait_for(lambda: seen.add(keyed.frame) or len(seen) > 3, app.processEvents)
-    mouse.click(panel.play, QPointF(5, 5))
+    mouse.click(panel.buttons.play, QPointF(5, 5))
     assert not keyed.playing
     rest(app, window)
 
@@ -303,7 +303,7 @@ def test_controls_that_do_not_fit_are_reached_by_a_bar_below_them(app, window, p
     from PySide6.QtCore import QPoint
     from PySide6.QtWidgets import QScrollArea
 
-    area = next(a for a in panel.findChildren(QScrollArea) if a.isAncestorOf(panel.play))
+    area = next(a for a in panel.findChildren(QScrollArea) if a.isAncestorOf(panel.buttons.play))
     bar = area.horizontalScrollBar()
 
     def in_sight(widget):
@@ -311,7 +311,7 @@ def test_controls_that_do_not_fit_are_reached_by_a_bar_below_them(app, window, p
 
     window.resize(800, 560)
     wait_for(bar.isVisible, app.processEvents)
-    assert in_sight(panel.play) and not in_sight(panel.onion)
+    assert in_sight(panel.buttons.play) and not in_sight(panel.onion)
     assert area.viewport().height() >= panel.frame.height(), "the bar covers no control"
     start, end = (
         window.plotter.mapFromGlobal(bar.mapToGlobal(QPoint(x, bar.height() // 2))).toTuple()
@@ -321,7 +321,7 @@ def test_controls_that_do_not_fit_are_reached_by_a_bar_below_them(app, window, p
     wait_for(lambda: in_sight(panel.onion), app.processEvents)
     window.resize(1280, 720)
     panel.window().findChild(type(panel.parentWidget()), "Handles").close()
-    wait_for(lambda: not bar.isVisible() and in_sight(panel.play), app.processEvents)
+    wait_for(lambda: not bar.isVisible() and in_sight(panel.buttons.play), app.processEvents)
     assert in_sight(panel.onion)
 
 
@@ -358,7 +358,7 @@ def test_the_progress_of_a_fit_covers_nothing(app, window, panel, keyed, monkeyp
         return QRect(widget.mapTo(panel, widget.rect().topLeft()), widget.size())
 
     rest(app, window)
-    controls = (panel.play, panel.frame, panel.smoothness, panel.onion)
+    controls = (panel.buttons.play, panel.frame, panel.smoothness, panel.onion)
     before = [place_of(widget) for widget in (*controls, panel.rows)]
     monkeypatch.setattr(type(keyed), "progress", property(lambda _: (128, 4000)))
     panel.refresh()
