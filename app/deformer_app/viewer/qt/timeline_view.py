@@ -12,7 +12,7 @@ from deformer_app.viewer.timeline.keys import KeyName
 from deformer_app.viewer.timeline.scale import Scale
 from deformer_app.viewer.timeline.timeline import Timeline
 
-LABELS = 148  # pixels left of the frames, for the names of rows or for buttons
+LABELS = 164  # pixels left of the frames, for the names of rows or for buttons
 _SCROLL_BAR = 10  # pixels that the bar of the rows may cover at the right, as in the style sheet
 _ZOOM = 1.2  # a notch of the wheel
 _NOTCH = 120  # Qt's units of a notch

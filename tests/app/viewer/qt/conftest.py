@@ -5,7 +5,9 @@ import subprocess
 
 import pytest
 
+from deformer_app.viewer.gizmo import translation
 from display import virtual_display
+from person import place, rest
 from waiting import wait_for
 from windows import new_window
 
@@ -95,3 +97,45 @@ def hand(app, window):
     act("windowfocus", "--sync", str(int(window.winId())))
     yield act
     act("mouseup", "1", "mouseup", "2", "mouseup", "3")
+
+
+@pytest.fixture
+def mouse(app):
+    """Events of Qt's mouse at points of a widget."""
+    from PySide6.QtCore import QPoint, Qt
+    from PySide6.QtTest import QTest
+
+    class Mouse:
+        def click(self, widget, at, modifier=Qt.KeyboardModifier.NoModifier):
+            point = QPoint(round(at.x()), round(at.y()))
+            QTest.mouseClick(widget, Qt.MouseButton.LeftButton, modifier, point)
+            app.processEvents()
+
+        def drag(self, widget, start, end):
+            first, last = (QPoint(round(p.x()), round(p.y())) for p in (start, end))
+            QTest.mousePress(widget, Qt.MouseButton.LeftButton, pos=first)
+            for n in range(1, 9):
+                QTest.mouseMove(widget, first + (last - first) * n / 8)
+                app.processEvents()
+            QTest.mouseRelease(widget, Qt.MouseButton.LeftButton, pos=last)
+            app.processEvents()
+
+    return Mouse()
+
+
+@pytest.fixture
+def keyed(app, window):
+    """Keys of two exact handles at frames 0 and 20 of 41."""
+    editor, timeline = window.editor, window.editor.timeline
+    place(window, 100, 60)
+    editor.handles.select_all()
+    editor.handles.set_kind("exact")
+    timeline.set_clip(length=41)
+    timeline.keys.set()
+    timeline.seek(20)
+    editor.handles.select([editor.edit.handles[0].id])
+    editor.handles.move_selected(translation([0.0, 0.2, 0.1]))
+    editor.commit("Drag")
+    editor.handles.select([])
+    rest(app, window)
+    return timeline

@@ -207,6 +207,20 @@ def test_the_timeline_opens_with_the_first_key_and_stays_closed_once_closed(app,
     assert not dock.isVisible()
 
 
+def test_the_timeline_shows_five_rows_below_that_of_all_keys_at_first(app, window):
+    from deformer_app.viewer.qt.key_marks import ROW
+    from deformer_app.viewer.qt.timeline_panel import TimelinePanel
+
+    window.resize(1280, 800)
+    place(window, *range(0, 120, 8))
+    window.editor.timeline.keys.set()
+    rest(app, window)
+    panel = window.docks.panel(TimelinePanel)
+    assert panel.rows.visibleRegion().boundingRect().height() >= 5 * ROW
+    assert panel.summary.visibleRegion().boundingRect().height() == ROW
+    assert window.plotter.height() > 440, "the picture keeps its room"
+
+
 @pytest.fixture
 def start(app, model_path, tmp_path):
     """Starts the program on its model or a session; returns if the dock Reference is open.
