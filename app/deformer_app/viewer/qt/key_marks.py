@@ -90,7 +90,8 @@ class KeyMarks(QWidget):
                 Qt.CursorShape.SizeHorCursor if self.keys_at(at) else Qt.CursorShape.ArrowCursor
             )
             return
-        if (at - self._pressed).manhattanLength() < _STILL and self._box is None:
+        begun = self._box is not None or self._view.shift
+        if not begun and (at - self._pressed).manhattanLength() < _STILL:
             return
         if self._grabbed:
             frames = self.scale.frame(at.x() - LABELS) - self.scale.frame(
