@@ -28,6 +28,7 @@ PANELS = (
     ("Alt+1 to Alt+9", "bring a saved camera back"),
     ("Press on a slider", "bring its handle to the mouse, and drag on"),
     ("Double click on a component's slider", "back to zero"),
+    ("Drag a diamond of All keys", "move all keys of its frame"),
 )
 
 
