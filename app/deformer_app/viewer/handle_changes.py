@@ -52,6 +52,16 @@ def gaps_of(handle: Handle) -> NDArray:
     return np.array(handle.gaps) if handle.gaps else np.zeros((len(handle.targets), 3))
 
 
+def pulling(pin: Handle, pull: NDArray) -> Handle:
+    """Return a pin whose centre alone takes over the pull (n, 3) of another on the prior.
+
+    Shared by its vertices, the pull would move the pose.
+    """
+    gaps = gaps_of(pin)
+    gaps[0] += pull.sum(axis=0)
+    return pin.at(pin.targets, gaps)
+
+
 def with_disc(handle: Handle, radius: float, model: DeformationModel) -> Handle:
     """Return a pin with the disc around its first vertex as its patch; targets are the reference's.
 

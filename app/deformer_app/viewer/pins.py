@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from deformer_app.viewer.edit import Edit, Handle
-from deformer_app.viewer.handle_changes import gaps_of, with_disc, with_kind
+from deformer_app.viewer.handle_changes import gaps_of, pulling, with_disc, with_kind
 from deformer_app.viewer.stage import Hover
 
 if TYPE_CHECKING:
@@ -42,17 +42,10 @@ class Pins:
         ]
 
     def _with_disc(self, pin: Handle, radius: float) -> Handle:
-        """Return a pin with another disc.
-
-        Its centre alone pulls the prior, as strongly as before: shared by the disc, the pull would
-        move the pose.
-        """
+        """Return a pin with another disc that pulls the prior as strongly as before."""
         editor = self._editor
         pull = gaps_of(pin) - gaps_of(editor.handles.on_surface(pin))
-        disc = editor.handles.on_surface(with_disc(pin, radius, editor.model))
-        gaps = gaps_of(disc)
-        gaps[0] += pull.sum(axis=0)
-        return disc.at(disc.targets, gaps)
+        return pulling(editor.handles.on_surface(with_disc(pin, radius, editor.model)), pull)
 
     def pin_here(self) -> None:
         """Pin what is under the mouse, a handle or the surface; elsewhere, what is selected."""

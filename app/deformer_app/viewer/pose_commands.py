@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from deformer import InputError, posed_shape
 from deformer_app.viewer.changes import PosesChanged
-from deformer_app.viewer.edit import Edit
+from deformer_app.viewer.edit import Edit, Handle
 from deformer_app.viewer.editor import Editor
-from deformer_app.viewer.handle_changes import mirrored_edit, mirrored_solution, on_shape
+from deformer_app.viewer.handle_changes import (
+    gaps_of,
+    mirrored_edit,
+    mirrored_solution,
+    on_shape,
+    pulling,
+)
 from deformer_app.viewer.mirror_plane import MirrorPlane
 from deformer_app.viewer.pose_files import (
     library_text,
@@ -22,6 +28,8 @@ from deformer_app.viewer.pose_files import (
 from deformer_app.viewer.pose_worker import PoseWorker
 from deformer_app.viewer.poses import PoseShelf, SavedPose
 from deformer_app.viewer.worker import in_background
+
+_HALF = 0.5  # of a pin's patch: what holds more of it holds its place
 
 
 def present_pose(editor: Editor, name: str) -> SavedPose:
@@ -99,7 +107,8 @@ def _start_at_playhead(
     """Start from a pose at a frame of a clip, at whose other frames nothing changes.
 
     Present handles that the pose has not stay, on its surface, since they have keys elsewhere; its
-    own ones get keys there (`Timeline.keyed`).
+    own ones get keys there (`Timeline.keyed`). A pin of which a present one holds half is left to
+    that one, whose keys at other frames go on to be those of its own vertices.
 
     Args:
         editor: shows the pose.
@@ -120,14 +129,42 @@ def _start_at_playhead(
     own = pose.with_ids(before.handles, editor.session.next_id())
     code_shape = posed_shape(model, shown.z, shown.rotation, shown.translation)
     taken = {handle.id for handle in own.handles}
-    kept = [
-        on_shape(handle, model, shown.vertices, code_shape)
+    kept = {
+        handle.id: on_shape(handle, model, shown.vertices, code_shape)
         for handle in before.handles
         if handle.id not in taken
-    ]
-    edit = replace(before.with_handles([*own.handles, *kept]), base=own.base)
+    }
+    handles = []
+    for handle in own.handles:
+        holds = _held_by(handle, before.handles, kept)
+        if holds is None:
+            handles.append(handle)
+        else:
+            there = on_shape(handle, model, shown.vertices, code_shape)
+            kept[holds] = pulling(kept[holds], gaps_of(handle) - gaps_of(there))
+    own = replace(own, handles=tuple(handles))
+    edit = replace(before.with_handles([*own.handles, *kept.values()]), base=own.base)
     solution = pose.solution if own.settings == edit.settings else None
     editor.change(label, edit, both_sides=False, solution=solution, whole=True)
+
+
+def _held_by(handle: Handle, present: Sequence[Handle], kept: Iterable[int]) -> int | None:
+    """Return the id of a kept pin that stands for a pose's new one: it holds half of its patch.
+
+    Args:
+        handle: of the pose.
+        present: handles that are there.
+        kept: ids of those that the pose has not.
+    """
+    if handle.kind != "pin" or handle.id in {h.id for h in present}:
+        return None
+    shares = {
+        h.id: len(set(h.patch) & set(handle.patch)) / len(handle.patch)
+        for h in present
+        if h.id in kept and h.kind == "pin"
+    }
+    best = max(shares, key=lambda number: shares[number], default=None)
+    return None if best is None or shares[best] < _HALF else best
 
 
 def copied(editor: Editor, pose: SavedPose | None = None) -> str:

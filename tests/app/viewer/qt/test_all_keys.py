@@ -163,7 +163,7 @@ def test_measurements_leave_ground_between_their_diamonds(app, window, panel, ke
     assert scale.width > 7
     assert not any(is_ground(n, 3) for n in range(20, 60))
     assert all(is_ground(n + 0.5, 3) for n in range(20, 60))
-    assert is_ground(40, 5) and not is_ground(10, 5), "a key that is set by hand stands out"
+    assert is_ground(40, 6) and not is_ground(10, 6), "a key that is set by hand stands out"
 
 
 def test_the_dock_of_poses_shows_time_with_keys_or_an_open_timeline_only(app, window, poses):

@@ -435,6 +435,47 @@ def test_a_pose_at_one_frame_leaves_the_poses_of_the_others(editor, timeline, cl
     assert set(timeline.clip.names) == names
 
 
+@pytest.mark.parametrize("near", [True, False])
+def test_a_pin_of_a_pose_goes_on_as_the_one_that_holds_its_place(editor, timeline, clock, near):
+    """One that overlaps it by half; one elsewhere gets a row of its own."""
+    size, model = editor.model.reference.bounding_diagonal, editor.model
+    editor.pins.radius = 0.1
+
+    def pose(pinned, shift):
+        editor.handles.clear()
+        editor.pins.pin_at(pinned)
+        editor.handles.place(110)
+        drag(editor, clock, shift, number=editor.edit.handles[1].id)
+        return save_pose(editor), editor.vertices.copy()
+
+    distances = model.distances(8)
+    distances[8] = np.inf if near else 0.0
+    other = int(distances.argmin() if near else np.abs(distances - 0.25 * size).argmin())
+    first, start = pose(8, [0.0, 0.2, 0.1])
+    second, later = pose(other, [0.0, -0.1, 0.25])
+    patches = [set(p.handles[0].patch) for p in (first, second)]
+    assert patches[0] != patches[1] and bool(patches[0] & patches[1]) == near
+    start_from(editor, first)
+    finish(editor, clock)
+    timeline.keys.set([SLIDERS, *(handle.id for handle in editor.edit.handles)])
+    finish(editor, clock)
+    pin, keys = editor.edit.handles[0], timeline.clip.copied(timeline.clip.names)
+    timeline.seek(20)
+    start_from(editor, second)
+    finish(editor, clock)
+    pins = [handle for handle in editor.edit.handles if handle.kind == "pin"]
+    assert len(pins) == (1 if near else 2) and pin.id in {handle.id for handle in pins}
+    assert [name for name in timeline.clip.names if name[0] == pin.id] == [
+        (pin.id, 0),
+        (pin.id, 20),
+    ]
+    assert timeline.clip.copied((owner, key.frame) for owner, key in keys) == keys
+    for frame, shape in ((0, start), (20, later)):
+        timeline.seek(frame)
+        finish(editor, clock)
+        assert np.abs(editor.vertices - shape).max() < 0.01 * size, f"frame {frame}"
+
+
 def test_a_pose_gives_way_to_what_changes_meanwhile(editor, timeline, clock):
     told = []
     place(editor, clock, 10)
