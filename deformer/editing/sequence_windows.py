@@ -205,16 +205,26 @@ class WindowFits:
     ) -> tuple[FloatArray, Boolean]:
         """Where handles are to be in the frames of a window (n, H, 3), and which are (n, H)."""
         n = part.stop - part.start
-        wanted, reached = rows.targets[:n], rows.exact[:n]
-        if missed is None:
-            return wanted, reached
-        # As in `HandleSolver`: the shape deforms by what is left of soft handles, too.
+        wanted, exact = rows.targets[:n], rows.exact[:n]
+        some = (~exact & (rows.weights[:n] > 0)).any(axis=1)
+        mixed: Boolean = np.asarray(exact.any(axis=1) & some)
+        if missed is None and not mixed.any():
+            return wanted, exact
+        # As in `PosedSurface`: the shape deforms by what is left of soft handles, too.
         at = _handle_positions(batch, energy, window.X)
-        # A frame of another noise is one of other weights.
-        weights = rows.weights * ((energy.noise / window.noise) ** 2)[:, None]
-        expected = missed.expected(n, weights, rows.targets - rows.gaps - at)
-        expected += at[:n] + rows.gaps[:n]
-        return np.where(reached[..., None], wanted, expected), rows.used[:n]
+        off = rows.targets - rows.gaps - at
+        if missed is not None:
+            # A frame of another noise is one of other weights.
+            weights = rows.weights * ((energy.noise / window.noise) ** 2)[:, None]
+            moved, held = missed.expected(n, weights, off), rows.used[:n]
+        else:
+            moved, held = np.zeros_like(wanted), exact | (mixed[:, None] & (rows.weights[:n] > 0))
+            for pattern in np.unique(exact[mixed], axis=0):
+                frames = np.flatnonzero(mixed & (exact == pattern).all(axis=1))
+                seen = np.where(pattern[:, None], off[frames], 0.0)
+                moved[frames] = self.basis.displacements(pattern) @ seen
+        near = at[:n] + moved + rows.gaps[:n]
+        return np.where(exact[..., None], wanted, near), held
 
 
 def fits_above(

@@ -22,8 +22,10 @@ def model():
 def pulled(model, seed, count=FRAMES):
     """Targets (count, 4, 3) that pull hard: from one drawn pose to another; the pin stays."""
     start = model.reference.vertices[HANDLES]
-    pulls = 0.08 * model.reference.bounding_diagonal * np.random.default_rng(seed).normal(
-        size=(2, len(HANDLES), 3)
+    pulls = (
+        0.08
+        * model.reference.bounding_diagonal
+        * np.random.default_rng(seed).normal(size=(2, len(HANDLES), 3))
     )
     pulls[:, 0] = 0.0
     share = np.linspace(0.0, 1.0, count)[:, None, None]

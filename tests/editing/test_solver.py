@@ -8,8 +8,8 @@ import pytest
 
 from deformer import Handle, HandleSolver, load_model
 from deformer.editing.green_functions import HandleBasis
-from deformer.editing.rest import poses_to_rest, solve_to_rest
 from deformer.editing.refinement import Refinement
+from deformer.editing.rest import poses_to_rest, solve_to_rest
 from deformer.editing.search import CodeSearch
 from deformer.errors import InputError
 from deformer.geometry.rotations import log_to_rotation
@@ -793,3 +793,33 @@ def test_a_drag_out_of_reach_does_not_stop_short_of_its_minimum():
     rest = solve_to_rest(solver)
     assert rest.energy > 0.99 * frame.energy
     assert np.abs(rest.vertices - frame.vertices).max() < 0.05 * diagonal
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_soft_handle_stays_where_its_code_is_although_pins_are_reached(model, diagonal, seed):
+    """As the surface came to rest, reaching the pins pulled it off the soft handle's target."""
+    vertices, pull = [3, 5, 12, 110], np.random.default_rng(seed).normal(size=3)
+    targets = model.reference.vertices[vertices].copy()
+    targets[3] += 0.2 * diagonal * pull / np.linalg.norm(pull)
+    solver = HandleSolver(model, noise=0.007, misfit=0.0)
+    solver.set_handles(vertices, targets, kinds=["pin", "pin", "pin", "soft"])
+    rest = solve_to_rest(solver)
+    at = solver.energy.move(solver.solution, solver.basis.surface.decode(rest.z))
+    assert largest(rest.vertices[vertices[:3]] - targets[:3]) < 1e-9
+    assert largest(at[:3] - targets[:3]) > 0.01 * diagonal  # the code does not reach the pins
+    assert largest(rest.vertices[110] - at[3]) < 3e-3 * diagonal
+
+
+def test_a_soft_handle_beside_an_exact_one_goes_along_with_it(model, diagonal):
+    """Two neighbours of which one alone kept its place would tear the surface."""
+    vertices = [3, 110, 111]
+    targets = model.reference.vertices[vertices].copy()
+    targets[1] += [0.0, 0.3 * diagonal, 0.0]
+    solver = HandleSolver(model, noise=1.0, misfit=0.0)
+    solver.set_handles(vertices, targets, kinds=["exact", "exact", "soft"])
+    pose = solver.solve()
+    x, there = model.reference.vertices, pose.vertices
+    before, after = (np.linalg.norm(v[111] - v[110]) for v in (x, there))
+    off = there[110] - solver.energy.move(solver.solution, solver.basis.surface.decode(pose.z))[1]
+    assert np.linalg.norm(off) > 0.1 * diagonal  # the code alone is far from the exact handle
+    assert after < 1.5 * before

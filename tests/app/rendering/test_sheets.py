@@ -36,5 +36,6 @@ def test_a_coloured_sheet_has_one_bar_on_its_right(tmp_path):
     scalars = {"a": np.ones(shapes.vertices.shape[:2])}
     save_rows(coloured, rows, shapes.faces, "y", titles, scalars, "distance, mm")
     before, after = Image.open(plain), Image.open(coloured)
-    assert after.height == before.height and after.width > before.width
+    # Of a faint edge the colour decides whether its last row counts.
+    assert abs(after.height - before.height) <= 1 and after.width > before.width
     assert saturation(np.asarray(after.convert("RGB"))[:, before.width :]) > 100  # the ramp

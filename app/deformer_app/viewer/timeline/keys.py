@@ -44,6 +44,11 @@ class Placement:
         return cls(handle.targets, handle.orientation, handle.gaps)
 
     @property
+    def of_first_vertex(self) -> Placement:
+        """The placement of the first of several vertices."""
+        return replace(self, targets=self.targets[:1], gaps=self.gaps and self.gaps[:1])
+
+    @property
     def rows(self) -> list[list[float]]:
         """Targets, and behind them gaps (2n, 3)."""
         gaps = self.gaps or [(0.0, 0.0, 0.0)] * len(self.targets)
@@ -103,7 +108,7 @@ class Track:
         places = [key.value for key in self.keys if isinstance(key.value, Placement)]
         rows: list[Sequence[float]] = [np.ravel(place.rows).tolist() for place in places]
         if len({len(row) for row in rows}) > 1:  # keyed with other vertices: the first one leads
-            rows = [np.ravel(_first(place).rows).tolist() for place in places]
+            rows = [np.ravel(place.of_first_vertex.rows).tolist() for place in places]
         if not places:
             rows = [key.value for key in self.keys if not isinstance(key.value, Placement)]
         return Curve(self.frames, rows, [key.ease == "linear" for key in self.keys])
@@ -249,11 +254,6 @@ class Clip:
 
 
 NO_KEYS = Clip()
-
-
-def _first(place: Placement) -> Placement:
-    """The placement of the first of several vertices."""
-    return replace(place, targets=place.targets[:1], gaps=place.gaps and place.gaps[:1])
 
 
 def placed(handle: Handle, place: Placement) -> Handle:

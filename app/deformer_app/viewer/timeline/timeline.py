@@ -36,9 +36,11 @@ from deformer_app.viewer.timeline.keys import (
     Key,
     KeyName,
     Placement,
+    Track,
     changed_owners,
     continued,
     keys_of,
+    placed,
 )
 from deformer_app.viewer.timeline.loaded_meshes import LoadedMeshes
 from deformer_app.viewer.timeline.onion import Onion
@@ -280,7 +282,7 @@ class Timeline:
         New handles get a key at the other frames that have keys, too, where the shapes are that
         were fitted last: one key alone would pull at all frames.
         """
-        clip = self.clip
+        clip = self.clip.with_keys(self._reshaped(before, after))
         if not (self.auto_key and clip.tracks):
             return clip
         known = {handle.id for handle in before.handles}
@@ -289,6 +291,33 @@ class Timeline:
         owners = [SLIDERS, *(handle.id for handle in after.handles)] if whole else changed
         keys = keys_of(after, self.frame, owners)
         return clip.with_keys(continued(clip, [*self._elsewhere(new), *keys]))
+
+    def _reshaped(self, before: Edit, after: Edit) -> list[tuple[int, Key]]:
+        """The keys of handles that have other vertices now, as a pin of another size has.
+
+        Keys tell places of the vertices of before, where those of now would be pulled to.
+        """
+        vertices = {handle.id: handle.vertices for handle in before.handles}
+        found = []
+        for handle in after.handles:
+            track = self.clip.track(handle.id)
+            if track is None or vertices.get(handle.id, handle.vertices) == handle.vertices:
+                continue
+            for key in track.keys:
+                there = handle if key.frame == self.frame else self._at_key(handle, key, track)
+                found.append((handle.id, replace(key, value=Placement.of(there))))
+        return found
+
+    def _at_key(self, handle: Handle, key: Key, track: Track) -> Handle:
+        """A handle with other vertices than its key's: on the shape fitted there, if there is one.
+
+        Otherwise it is where the key has the first vertex; a measured one always.
+        """
+        fitted = self._fitted
+        if fitted is None or track.measured or key.frame >= len(fitted.vertices):
+            assert isinstance(key.value, Placement)
+            return placed(handle, key.value.of_first_vertex)
+        return fitted.on_surface(self._editor.model, handle, key.frame)
 
     def _elsewhere(self, handles: Sequence[Handle]) -> list[tuple[int, Key]]:
         """Keys of handles at the frames of other keys, on the shapes there; none without shapes."""

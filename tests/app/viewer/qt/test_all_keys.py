@@ -178,6 +178,7 @@ def test_the_dock_of_poses_shows_time_with_keys_or_an_open_timeline_only(app, wi
     window.editor.timeline.keys.set()
     timeline.close()
     wait_for(lambda: poses.shows_time, app.processEvents)
+    rest(app, window)  # menus know what can be undone
     window.act("undo")
     wait_for(lambda: not poses.time.isVisible(), app.processEvents)
 

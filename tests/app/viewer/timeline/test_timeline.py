@@ -476,6 +476,41 @@ def test_a_pin_of_a_pose_goes_on_as_the_one_that_holds_its_place(editor, timelin
         assert np.abs(editor.vertices - shape).max() < 0.01 * size, f"frame {frame}"
 
 
+@pytest.mark.parametrize("auto_key", [True, False])
+@pytest.mark.parametrize("fitted", [True, False])
+def test_a_pin_of_another_size_holds_what_it_held_at_every_key(
+    editor, timeline, clock, auto_key, fitted
+):
+    """Its keys told places of the vertices of before, where those of now were pulled to."""
+    size = editor.model.reference.bounding_diagonal
+    editor.pins.radius = 0.2
+    editor.pins.pin_at(8)
+    editor.handles.place(110)
+    finish(editor, clock)
+    pin, hand = editor.edit.handles
+    for frame in (0, 20):
+        timeline.seek(frame)
+        finish(editor, clock)
+        drag(editor, clock, [0.0, 0.01 * frame, 0.1], number=hand.id)
+        timeline.keys.set([pin.id, hand.id])
+        finish(editor, clock)
+    shapes = {frame: fitted_shape(timeline, frame).copy() for frame in (0, 20)}
+    timeline.auto_key = auto_key
+    if not fitted:
+        timeline._fitted = None
+    editor.handles.select([pin.id])
+    editor.pins.resize_selected(3)
+    finish(editor, clock)
+    assert len(editor.edit.handles[0].targets) == len(pin.targets)
+    assert editor.edit.handles[0].vertices != pin.vertices
+    assert timeline.clip.track(pin.id).frames == [0, 20]
+    for frame, shape in shapes.items():
+        timeline.seek(frame)
+        finish(editor, clock)
+        off = np.abs(fitted_shape(timeline, frame) - shape).max()
+        assert off < (0.01 if fitted else 0.03) * size, f"frame {frame}"
+
+
 def test_a_pose_gives_way_to_what_changes_meanwhile(editor, timeline, clock):
     told = []
     place(editor, clock, 10)
