@@ -66,7 +66,8 @@ class SequenceFit:
         orientation_residual: (F, H) angles from the surface's rotation around each handle to its
             orientation, in radians; NaN where it has none, or no weight.
         prior_distance: (F,) Mahalanobis distances of the codes from the prior's means.
-        iterations: Gauss–Newton steps of whole windows taken; those of parts of a sequence add up.
+        iterations: Gauss–Newton steps of whole windows taken, or, without smoothness, of the frame
+            that took most; those of parts of a sequence add up.
     """
 
     vertices: FloatArray

@@ -68,7 +68,7 @@ class SequenceEnergy:
         backend: evaluates the model's H handles.
         targets: (F, H, 3) positions.
         weights: (F, H) factors, 0 or more; 0 is a handle that is not seen.
-        smoothness: weight of squared accelerations.
+        smoothness: weight of squared accelerations, positive.
         means: (F, K) whitened codes that are the prior's means of the frames; None is zero for
             all. With means, a frame that sees no handle has the prior in full.
         on_step: called before each step of a descent; what it raises ends the descent.
@@ -96,8 +96,7 @@ class SequenceEnergy:
         self._smoothness = smoothness
         self.active = energy.active
         self._seen: Boolean = np.asarray((weights > 0).any(axis=1))
-        # Without smoothness there are no neighbours.
-        share = _UNSEEN if smoothness > 0 and means is None else 1.0
+        share = _UNSEEN if means is None else 1.0
         self._prior = np.where(self._seen, 1.0, share)[:, None]
         # Weights of squared unknowns. A body that yields has weights of its own in each frame
         # (`_prior_terms`); its accelerations are those of one that may go anywhere.
