@@ -28,8 +28,6 @@ from deformer.model import DeformationModel
 _LANDMARKS = 800
 # Number of sites of `HandleBasis.misfit_field`.
 _SITES = 500
-# Deviation of an exact handle's displacement, in that of the displacements of all handles.
-_EXACTLY = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,17 +225,6 @@ class HandleBasis:
             scale = 1.0 / np.sqrt(np.diag(K))
             self._errors = ModelErrors(misfit, K * scale[:, None] * scale)
         return self._errors
-
-    def displacements(self, exact: NDArray[np.bool_]) -> FloatArray:
-        """Shares (H, H) of exact handles' displacements in those that are expected of all handles.
-
-        They interpolate: a handle near exact ones is displaced as these are, one far from them is
-        not. The correlations are those of the model's errors.
-
-        Args:
-            exact: (H,) true for exact handles.
-        """
-        return self.model_errors(1.0).expected(exact.astype(np.float64), _EXACTLY)
 
     def landmark_positions(self) -> HandlePositions:
         """Handle positions by landmarks: fast, with the error of cubature."""

@@ -49,10 +49,10 @@ class _Relaxing:
 class PosedSurface:
     """The surface of a solver's states, with the rigid relaxation for the handles that it reaches.
 
-    Exact handles are at their targets. If the model has an error of its own, soft ones are where
+    Exact handles are at their targets. Soft ones are, if the model has an error of its own, where
     its expected share of their error puts them. Otherwise the surface does not reach for them; but
-    beside exact ones they stay about where the code has them (`HandleBasis.displacements`): the
-    surface would be pulled off their targets as it reaches the exact ones.
+    beside exact ones they stay where the code has them, and with their gaps where these put them:
+    reaching the exact ones would pull the surface off their targets.
 
     Args:
         search: finds the states; its energy has the handles.
@@ -92,7 +92,7 @@ class PosedSurface:
             self._forget_rest()
         self._gaps = gaps
         energy = self._search.energy
-        reached = hard | hard.any() | (energy.misfit > 0)
+        reached = hard | bool(hard.any() or gaps.any() or energy.misfit)
         if energy.floor is not None:
             reached[energy.floor.rows] = hard[energy.floor.rows]
         reaching = np.flatnonzero(reached).tolist()
@@ -205,14 +205,10 @@ class PosedSurface:
         """Where the shape of a state deforms to: exact handles at their targets, soft ones near."""
         energy = self._search.energy
         targets = energy.targets + self._gaps  # of the surface
-        if self.hard.all() or not (self.hard.any() or energy.misfit):
+        if self.hard.all() or not len(self._index):
             return targets
         at = energy.move(state.x, state.p)
-        if energy.misfit:
-            near = at + energy.model_error(at) + self._gaps
-        else:
-            shares = self._basis.displacements(self.hard)
-            near = at + shares @ (energy.targets - at) + self._gaps
+        near = at + energy.model_error(at) + self._gaps
         return np.where(self.hard[:, None], targets, near)
 
 

@@ -205,25 +205,21 @@ class WindowFits:
     ) -> tuple[FloatArray, Boolean]:
         """Where handles are to be in the frames of a window (n, H, 3), and which are (n, H)."""
         n = part.stop - part.start
-        wanted, exact = rows.targets[:n], rows.exact[:n]
-        some = (~exact & (rows.weights[:n] > 0)).any(axis=1)
-        mixed: Boolean = np.asarray(exact.any(axis=1) & some)
-        if missed is None and not mixed.any():
-            return wanted, exact
-        # As in `PosedSurface`: the shape deforms by what is left of soft handles, too.
-        at = _handle_positions(batch, energy, window.X)
-        off = rows.targets - rows.gaps - at
+        wanted, exact, gaps = rows.targets[:n], rows.exact[:n], rows.gaps[:n]
+        # As in `PosedSurface`: the shape deforms by what is left of soft handles, too, ...
         if missed is not None:
+            at = _handle_positions(batch, energy, window.X)
             # A frame of another noise is one of other weights.
             weights = rows.weights * ((energy.noise / window.noise) ** 2)[:, None]
-            moved, held = missed.expected(n, weights, off), rows.used[:n]
-        else:
-            moved, held = np.zeros_like(wanted), exact | (mixed[:, None] & (rows.weights[:n] > 0))
-            for pattern in np.unique(exact[mixed], axis=0):
-                frames = np.flatnonzero(mixed & (exact == pattern).all(axis=1))
-                seen = np.where(pattern[:, None], off[frames], 0.0)
-                moved[frames] = self.basis.displacements(pattern) @ seen
-        near = at[:n] + moved + rows.gaps[:n]
+            near = at[:n] + missed.expected(n, weights, rows.targets - rows.gaps - at) + gaps
+            return np.where(exact[..., None], wanted, near), rows.used[:n]
+        # ... or these stay where the code has them, beside exact ones.
+        seen = rows.weights[:n] > 0
+        moved: Boolean = np.asarray(exact.any(axis=1) | (seen & gaps.any(axis=2)).any(axis=1))
+        held = moved[:, None] & seen
+        if (held == exact).all():
+            return wanted, exact
+        near = _handle_positions(batch, energy, window.X[:n]) + gaps
         return np.where(exact[..., None], wanted, near), held
 
 

@@ -295,7 +295,7 @@ def test_a_pin_after_a_drag_leaves_the_surface_where_it_is(editor, kinds):
     editor.handles.set_kind("pin")
     finish(editor)
     assert editor.answer.final and editor.edit.handles[0].kind == "pin"
-    assert largest(editor.vertices - before) < 1e-3 * diagonal
+    assert largest(editor.vertices - before) < 2e-3 * diagonal
     pin = editor.edit.handles[0]  # its centre alone pulls the prior, as the handle did
     gaps = deformer.surface_gaps(editor.model, editor.answer.pose, pin.vertices)
     pull = np.linalg.norm(gaps_of(pin) - gaps, axis=1)

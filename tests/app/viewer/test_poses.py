@@ -169,11 +169,11 @@ def test_pins_hold_while_a_pose_is_blended_or_started_from(editor, share):
     off = editor.vertices[list(pin.vertices)] - np.array(pin.targets)
     assert np.abs(off).max() < 1e-4 * size
     assert editor.edit.handles[1].targets != soft.targets
-    if share == 1.0:  # the other handle is where the pin holds the shape, and does not pull at it
+    if share == 1.0:  # the other handle keeps the surface where the pin has brought it, no more
         before = editor.vertices.copy()
         editor.change("Without", editor.edit.without([soft.id]))
         finish(editor)
-        assert np.abs(editor.vertices - before).max() < 0.05 * size
+        assert np.abs(editor.vertices - before).max() < 0.08 * size
         editor.undo()
         finish(editor)
         editor.prior.start_from("Shape 5", code)
