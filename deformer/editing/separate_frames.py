@@ -1,7 +1,8 @@
 """Frames of a sequence without smoothness: each is fitted on its own, to the minimum of its energy.
 
-The other frames decide only where the descent of a frame starts: key frames are solved one after
-the other, and every other frame starts halfway between two that are solved.
+The other frames decide only where the descent of a frame starts: halfway between two that are
+solved. Key frames are solved first: those that the user tells from several starts, as poses are;
+others one after the other.
 """
 
 from __future__ import annotations
@@ -17,12 +18,14 @@ from deformer.editing.arap import DecodedSurface
 from deformer.editing.energy import HandleEnergy
 from deformer.editing.green_functions import HandleBasis
 from deformer.editing.refinement import Correction, Refinement, State
+from deformer.editing.search import CodeSearch
 from deformer.editing.unknowns import Unknowns
 from deformer.geometry import FloatArray
 from deformer.linalg import in_parallel
 from deformer.model import LatentPrior
 
-# Key frames: number of frames from one to the next, and the most steps by landmarks of each.
+# Key frames where none are told: number of frames from one to the next. A start between frames that
+# are farther apart takes so many steps by landmarks at most first, as a key frame does.
 _KEY, _KEY_STEPS = 12, 40
 # Refinements of a frame: the most of them, the relative gain that ends them, and how far (in
 # standard deviations) from its state a correction of the landmarks' derivative serves.
@@ -64,6 +67,7 @@ class SeparateFrames:
         targets: (F, H, 3) positions.
         weights: (F, H) factors, 0 or more; 0 is a handle that is not seen.
         means: (F, K) whitened codes that are the prior's means of the frames; None is zeros.
+        keys: frames that are solved from several starts; without any, some are chosen.
         own_noise: true to raise the noise of each frame whose targets are out of reach
             (`HandleEnergy.noise_within_reach`).
         on_step: called after each frame; what it raises ends the fit.
@@ -76,6 +80,7 @@ class SeparateFrames:
         targets: FloatArray,
         weights: FloatArray,
         means: FloatArray | None,
+        keys: Sequence[int],
         own_noise: bool,
         on_step: Callable[[], None] = lambda: None,
     ) -> None:
@@ -85,7 +90,7 @@ class SeparateFrames:
         self._centres = np.zeros((len(targets), energy.size))
         if means is not None:
             Unknowns(self._centres).code = means
-        self._own_noise, self._on_step = own_noise, on_step
+        self._keys, self._own_noise, self._on_step = keys, own_noise, on_step
         self._landmarks = basis.landmark_positions()
         basis.exact_positions()  # the threads below only read it
         self._thread = threading.local()
@@ -118,21 +123,45 @@ class SeparateFrames:
     def _between_keys(self, guess: FloatArray) -> dict[int, _Solution]:
         """Solutions of the frames that see a handle."""
         seen = np.flatnonzero((self._weights > 0).any(axis=1)).tolist()
+        told = sorted(set(self._keys) & set(seen))
+        found = self._from_many_starts(told) if told else self._one_after_the_other(seen, guess)
+        # Before the first key frame and after the last one the next one is the start.
+        ends = [(frame, found[key]) for frame, key in _beyond(seen, sorted(found))]
+        found |= self._all(ends, far=True)
+        while len(found) < len(seen):
+            solved = [n for n, frame in enumerate(seen) if frame in found]
+            gaps = [(a, b) for a, b in pairwise(solved) if b > a + 1]
+            for far in (True, False):
+                found |= self._all(
+                    [
+                        (seen[(a + b) // 2], found[seen[a]].halfway(found[seen[b]]))
+                        for a, b in gaps
+                        if (b - a > _KEY) == far
+                    ],
+                    far,
+                )
+        return found
+
+    def _from_many_starts(self, frames: Sequence[int]) -> dict[int, _Solution]:
+        """Solutions of key frames, each by the search of a cold solve."""
+        found = {}
+        for frame in frames:
+            energy = self._of(frame, self._energy.noise)
+            search = CodeSearch(energy, self._basis, self._basis.model.codes)
+            search.least_noise = energy.noise if self._own_noise else None
+            state, steps = search.cold()
+            start = _Solution(state.x, search.energy.noise, steps=steps)
+            found |= self._all([(frame, start)])
+        return found
+
+    def _one_after_the_other(self, seen: list[int], guess: FloatArray) -> dict[int, _Solution]:
+        """Solutions of key frames, each from the one before."""
         found: dict[int, _Solution] = {}
         x = guess
         for frame in (*seen[:-1:_KEY], *seen[-1:]):
             start = _Solution(x - self._centres[frame], self._energy.noise)
             found |= self._all([(frame, start)], far=True)
             x = found[frame].x + self._centres[frame]
-        while len(found) < len(seen):
-            solved = [n for n, frame in enumerate(seen) if frame in found]
-            found |= self._all(
-                [
-                    (seen[(a + b) // 2], found[seen[a]].halfway(found[seen[b]]))
-                    for a, b in pairwise(solved)
-                    if b > a + 1
-                ]
-            )
         return found
 
     def _all(
@@ -145,6 +174,8 @@ class SeparateFrames:
             far: true for starts that need not be near the minima.
         """
         found = {}
+        if not starts:
+            return found
         solutions = in_parallel(lambda entry: self._solved(*entry, far), starts)
         for (frame, _), solution in zip(starts, solutions, strict=True):
             found[frame] = solution
@@ -224,3 +255,9 @@ class SeparateFrames:
         if not hasattr(self._thread, "surface"):
             self._thread.surface = self._basis.surface.copy()
         return self._thread.surface
+
+
+def _beyond(seen: Sequence[int], keys: Sequence[int]) -> list[tuple[int, int]]:
+    """The first and the last frame, if they are no key frames, each with the key nearest to it."""
+    ends = [(seen[0], keys[0]), (seen[-1], keys[-1])] if seen else []
+    return [(frame, key) for frame, key in ends if frame != key]

@@ -22,6 +22,7 @@ from deformer.checks import (
     check_memory,
     checked_array,
     checked_choice,
+    checked_indices,
     checked_instance,
     checked_integer,
     checked_number,
@@ -93,6 +94,7 @@ def fit_sequence(
     gaps: ArrayLike | None = None,
     floor: Floor | None = None,
     smoothness: float = 10.0,
+    key_frames: ArrayLike | None = None,
     rigid: bool = True,
     noise: float | None = None,
     mean: ArrayLike | None = None,
@@ -128,6 +130,10 @@ def fit_sequence(
         smoothness: weight of squared accelerations, 0 or more. For motion that is slow for its
             frame rate, 100 and more are suitable. 0 fits every frame on its own, to the end and on
             the CPU: it is then the pose of a `HandleSolver`.
+        key_frames: indices of frames, such as those that an animator has posed. Without smoothness
+            each is solved for from several starts, as `HandleSolver.solve` does, and the others
+            between them; None has the fit choose some, solved one after the other. With smoothness
+            they are ignored.
         rigid: as in `HandleSolver`.
         noise: as in `HandleSolver`. None is the median of what it chooses for a few frames, but at
             least 0.007: with less the descent over all frames stalls (docs/evidence/prior.md).
@@ -148,10 +154,10 @@ def fit_sequence(
 
     Raises:
         InputError: shapes of arrays that disagree, an index out of range, a vertex given twice, a
-            target that is not finite, a negative weight or smoothness, a mean of another length, a
-            freedom that is not positive, an orientation that is no rotation or at a point that
-            cannot have one, a gap that is not finite, no floor, a device that is unknown or
-            missing, or a backend that cannot use it.
+            target that is not finite, a negative weight or smoothness, a key frame that does not
+            exist, a mean of another length, a freedom that is not positive, an orientation that is
+            no rotation or at a point that cannot have one, a gap that is not finite, no floor, a
+            device that is unknown or missing, or a backend that cannot use it.
     """
     parts = fit_sequence_parts(
         model,
@@ -165,6 +171,7 @@ def fit_sequence(
         gaps=gaps,
         floor=floor,
         smoothness=smoothness,
+        key_frames=key_frames,
         rigid=rigid,
         noise=noise,
         mean=mean,
@@ -206,6 +213,7 @@ def fit_sequence_parts(
     gaps: ArrayLike | StoredArray | None = None,
     floor: Floor | None = None,
     smoothness: float = 10.0,
+    key_frames: ArrayLike | None = None,
     rigid: bool = True,
     noise: float | None = None,
     mean: ArrayLike | None = None,
@@ -225,8 +233,8 @@ def fit_sequence_parts(
     first is given: their shapes are then in the workspace.
 
     Args:
-        model, vertices, orientation_weights, kinds, floor, smoothness, rigid, noise, mean, freedom,
-            misfit, relaxation, device, backend, on_progress: as in `fit_sequence`.
+        model, vertices, orientation_weights, kinds, floor, smoothness, key_frames, rigid, noise,
+            mean, freedom, misfit, relaxation, device, backend, on_progress: as in `fit_sequence`.
         targets, weights, hard, orientations, gaps: as in `fit_sequence`, or arrays in files
             (`StoredArray`) that have all F frames; orientations in a file are matrices.
         checkpoint: folder in which windows that are fitted are kept, or None. A later fit of the
@@ -256,6 +264,9 @@ def fit_sequence_parts(
         checked_instance(floor, "floor", Floor, remedy="make a Floor, or give None")
     if workspace is not None:
         checked_instance(workspace, "workspace", Workspace, remedy="make a Workspace")
+    keys: list[int] = []
+    if key_frames is not None:
+        keys = sorted(checked_indices(key_frames, "key_frames", len(tracks), what="frame").tolist())
     work = workspace or Workspace()
     V, K, H = len(model.reference.vertices), model.components, len(tracks.points)
     needed = sequence_memory(V, K, H).least - LEAST_MEMORY
@@ -286,6 +297,7 @@ def fit_sequence_parts(
             "handles": lifted.digest(),
             "means": "" if means is None else sha256(np.ascontiguousarray(means).data).hexdigest(),
             "floor": None if floor is None else [floor.height, *floor.normal],
+            "key_frames": keys,
             "options": [
                 smoothness,
                 rigid,
@@ -305,6 +317,7 @@ def fit_sequence_parts(
         lifted,
         centres,
         smoothness,
+        keys,
         own_noise,
         used,
         relaxation,

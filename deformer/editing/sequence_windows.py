@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -94,6 +94,7 @@ class WindowFits:
         centres: gives whitened codes (m, K) that are the prior's means of the frames of a slice;
             None is zeros.
         smoothness, relaxation, device, backend: as in `fit_sequence`.
+        key_frames: as in `fit_sequence`, ascending.
         own_noise: true if each frame of a sequence without smoothness chooses its noise.
         misfit: τ, in bounding diagonals.
         progress: is told of frames.
@@ -106,6 +107,7 @@ class WindowFits:
     tracks: TrackSource
     centres: Callable[[slice], FloatArray] | None
     smoothness: float
+    key_frames: Sequence[int]
     own_noise: bool
     misfit: float
     relaxation: int
@@ -189,7 +191,10 @@ class WindowFits:
             X, steps = sequence.solve(slice(0, m), guess, before, known)
             found = SolvedWindow(X, np.full(m, energy.noise), steps)
         else:
-            single = SeparateFrames(energy, self.basis, *handles, centres, self.own_noise, step)
+            keys = [frame - start for frame in self.key_frames if 0 <= frame - start < m]
+            single = SeparateFrames(
+                energy, self.basis, *handles, centres, keys, self.own_noise, step
+            )
             found = SolvedWindow(*single.solve(guess, known))
         self.finished.save(attempt, number, found)
         return found

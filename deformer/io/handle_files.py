@@ -21,6 +21,7 @@ from deformer.workspace import Workspace
 # Optional keys of a handle, and those that only the handles of one pose may have.
 _OPTIONAL = ("offset", "weight", "kind", "orientation", "orientation_weight", "gap", "name")
 _OF_ONE_POSE = ("region",)
+_OF_SEQUENCES = ("smoothness", "relaxation", "key_frames")
 # The most rounds of relaxation of a frame: each costs a solve.
 _MOST_RELAXATION = 1000
 HandleKind = Literal["soft", "exact", "pin"]
@@ -107,6 +108,7 @@ class HandleFile:
             if the file does not tell it.
         smoothness: of a sequence, as in `fit_sequence`; None if the file does not tell it.
         relaxation: of a sequence, as in `fit_sequence`; None if the file does not tell it.
+        key_frames: of a sequence, as in `fit_sequence`; None if the file does not tell them.
     """
 
     frames: Sequence[tuple[HandleTarget, ...]]
@@ -119,6 +121,7 @@ class HandleFile:
     fingerprint: str | None = None
     smoothness: float | None = None
     relaxation: int | None = None
+    key_frames: tuple[int, ...] | None = None
 
     def check_model(self, path: PathLike, fingerprint: str) -> None:
         """Raise InputError if the codes of this file are those of another model.
@@ -154,7 +157,7 @@ def load_handles(
             "handles" or "frames" there may be "noise", the standard deviation of all positions'
             coordinates, "prior", "floor" and "fingerprint" (`HandleFile`). One pose may have
             "start", "regions" (lists of vertices), and handles with "region" (an index into them);
-            frames "smoothness" and "relaxation".
+            frames "smoothness", "relaxation" and "key_frames" (indices of frames).
         vertex_count: number of vertices of the mesh.
         faces: (F, 3) its faces; None refuses points of faces.
         components: length K of the model's codes; None leaves it open.
@@ -201,7 +204,7 @@ def _load(
     if is_sequence and not found:
         data["frames"].items()
         raise data["frames"].error("a list of frames")
-    for key in ("start", "regions") if is_sequence else ("smoothness", "relaxation"):
+    for key in ("start", "regions") if is_sequence else _OF_SEQUENCES:
         if key in data:
             has, other = ("frames", "one pose") if is_sequence else ("one pose", "a sequence")
             raise InputError(f"{data[key]}: the file has {has}, and only {other} has it; remove it")
@@ -228,7 +231,10 @@ def _load(
         smoothness = data["smoothness"].number(least=0, most=LARGEST)
     if "relaxation" in data:
         relaxation = data["relaxation"].integer(0, _MOST_RELAXATION)
-    beside = floor, fingerprint, smoothness, relaxation
+    key_frames = None
+    if "key_frames" in data:
+        key_frames = tuple(data["key_frames"].integers(0, len(found) - 1))
+    beside = floor, fingerprint, smoothness, relaxation, key_frames
     frames = tuple(found) if isinstance(found, list) else found
     return HandleFile(frames, is_sequence, noise, regions, prior, start, *beside)
 

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from deformer import Floor, HandleSolver, fit_sequence
+from deformer.editing import separate_frames
+from deformer.errors import InputError
 from distances import largest
 from shapes import small_model
 
@@ -86,6 +88,27 @@ def test_a_frame_does_not_depend_on_the_others(model):
     apart = largest(first.vertices[kept] - second.vertices[kept])
     assert apart < 5e-4 * model.reference.bounding_diagonal
     assert largest(first.vertices - second.vertices) > 0.05 * model.reference.bounding_diagonal
+
+
+def test_key_frames_are_found_from_several_starts_wherever_the_others_lead(model, monkeypatch):
+    """One after the other, a frame came to the minimum that the one before led to."""
+    monkeypatch.setattr(separate_frames, "_KEY_STEPS", 1)
+    targets, D = pulled(model, 7), model.reference.bounding_diagonal
+    wild = np.full_like(targets, np.nan)
+    wild[:] = targets + 0.4 * D * np.random.default_rng(1).normal(size=(FRAMES, 1, 3))
+    keys = [3, 17, 29]
+    wild[keys] = targets[keys]
+    found = fitted(model, wild, noise=0.007, key_frames=keys[::-1])
+    for frame in keys:
+        pose = alone(model, targets[frame], noise=0.007)
+        assert largest(found.vertices[frame] - pose) < 1e-3 * D
+    again = fitted(model, targets, noise=0.007, key_frames=keys)
+    np.testing.assert_allclose(again.vertices[keys], found.vertices[keys], atol=1e-9 * D)
+
+
+def test_a_key_frame_that_does_not_exist_is_named(model):
+    with pytest.raises(InputError, match=r"key_frames\[1\]: frame 30 does not exist"):
+        fitted(model, pulled(model, 1), key_frames=[2, 30])
 
 
 def test_frames_that_see_some_of_the_handles_are_poses_of_those(model):

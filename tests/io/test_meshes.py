@@ -878,6 +878,7 @@ def test_what_else_a_sequence_needs(tmp_path):
         "prior": {"means": [[0.5, -1], [1, 2]], "noise": 0.02, "body": "auto"},
         "smoothness": 3,
         "relaxation": 4,
+        "key_frames": [1, 0],
         "floor": -0.5,
         "fingerprint": "ab",
     }
@@ -886,6 +887,7 @@ def test_what_else_a_sequence_needs(tmp_path):
     assert found.frames[0][0].gap == (0.0, 0.5, 0.0)
     assert found.prior == io.HandlePrior(None, 0.02, "auto", ((0.5, -1.0), (1.0, 2.0)))
     assert (found.smoothness, found.relaxation, found.floor) == (3.0, 4, -0.5)
+    assert found.key_frames == (1, 0)
     for change, part in [
         ({"prior": {"means": [[1, 2]]}}, "prior.means: expected a list of 2"),
         ({"prior": {"means": [[1, 2], [1]]}}, "prior.means[1]: expected a list of 2"),
@@ -893,10 +895,12 @@ def test_what_else_a_sequence_needs(tmp_path):
         ({"smoothness": -1}, "smoothness: expected"),
         ({"relaxation": 1.5}, "relaxation: expected"),
         ({"relaxation": 1001}, "relaxation: expected"),
+        ({"key_frames": 0}, "key_frames: expected"),
+        ({"key_frames": [0, 2]}, "key_frames[1]: expected"),
     ]:
         write(path, json.dumps({**data, **change}))
         assert f"h.json: {part}" in refusal(io.load_handles, path, 5, None, 2)
-    for key in ("smoothness", "relaxation"):
+    for key in ("smoothness", "relaxation", "key_frames"):
         write(path, json.dumps({"handles": frames[0], key: 1}))
         assert f"{key}: the file has one pose" in refusal(io.load_handles, path, 5)
 

@@ -237,6 +237,7 @@ def _arguments(
         "gaps": tracks.gaps,
         "floor": None if handles.floor is None else deformer.Floor.at(model, handles.floor),
         "smoothness": told if smoothness is None else smoothness,
+        "key_frames": handles.key_frames,
         "noise": prior.noise
         if noise is None
         else deformer.target_noise(model, noise, sequence=True),

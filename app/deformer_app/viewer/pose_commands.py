@@ -119,14 +119,15 @@ def _start_at_playhead(
     """
     model, timeline = editor.model, editor.timeline
     shown = yield from in_background(lambda: PoseWorker(model).final_pose(pose.edit, pose.solution))
-    while timeline.waiting and not timeline.has_shapes:
+    own = pose.with_ids(before.handles, editor.session.next_id())
+    new = {handle.id for handle in own.handles} - {handle.id for handle in before.handles}
+    while new and timeline.waiting:  # new handles get keys on the shapes of the other key frames
         yield
     if not editor.is_open or editor.model is not model:
         return
     if (editor.edit, timeline.frame) != (before, frame):
         editor.note(f"{label}: given up, since something else has changed the pose")
         return
-    own = pose.with_ids(before.handles, editor.session.next_id())
     code_shape = posed_shape(model, shown.z, shown.rotation, shown.translation)
     taken = {handle.id for handle in own.handles}
     kept = {

@@ -110,6 +110,7 @@ def fit_clip(
         gaps=np.array([row["gaps"] for row in rows], dtype=np.float64),
         floor=None if edit.floor is None else Floor.at(model, edit.floor),
         smoothness=clip.smoothness,
+        key_frames=clip.posed_frames,
         noise=edit.noise,
         mean=codes,
         freedom=edit.body,

@@ -107,6 +107,7 @@ def handle_frames(fitted: FittedClip, named: Iterable[Handle]) -> dict[str, Any]
         "prior": {**means, "noise": edit.noise, "body": edit.body},
         "smoothness": clip.smoothness,
         "relaxation": RELAXATION,
+        "key_frames": clip.posed_frames,
     }
     return found if edit.floor is None else {**found, "floor": edit.floor}
 

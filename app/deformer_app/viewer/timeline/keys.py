@@ -189,6 +189,12 @@ class Clip:
             if key.ease == "linear"
         )
 
+    @property
+    def posed_frames(self) -> list[int]:
+        """Frames that have a key that is no measurement, in ascending order."""
+        set_by_hand = [track for track in self.tracks if not track.measured]
+        return sorted({frame for track in set_by_hand for frame in track.frames})
+
     def with_keys(self, keys: Iterable[tuple[int, Key]]) -> Clip:
         """Return the clip with keys added, each with its owner; it becomes as long as they need."""
         given: dict[int, list[Key]] = {}

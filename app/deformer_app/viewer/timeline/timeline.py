@@ -324,13 +324,11 @@ class Timeline:
         fitted = self._fitted
         if fitted is None or not handles:
             return []
-        set_by_hand = [track for track in self.clip.tracks if not track.measured]
-        frames = {frame for track in set_by_hand for frame in track.frames} - {self.frame}
         model = self._editor.model
         return [
             (handle.id, Key(frame, Placement.of(fitted.on_surface(model, handle, frame))))
-            for frame in sorted(frames)
-            if frame < len(fitted.vertices)
+            for frame in self.clip.posed_frames
+            if self.frame != frame < len(fitted.vertices)
             for handle in handles
         ]
 

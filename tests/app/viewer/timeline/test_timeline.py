@@ -40,14 +40,15 @@ def timeline(editor, clock):
 
 
 def finish(editor, clock):
-    """Tick until nothing is left to do; the clock goes on by a tenth of a second a tick."""
+    """Tick until nothing is left to do."""
+    tick(editor, clock)
+    wait_for(lambda: not editor.busy, lambda: tick(editor, clock), pause=0.001)
 
-    def step():
-        clock[0] += 0.1
-        editor.tick()
 
-    step()
-    wait_for(lambda: not editor.busy, step, pause=0.001)
+def tick(editor, clock):
+    """Do what is due; the clock goes on by a tenth of a second."""
+    clock[0] += 0.1
+    editor.tick()
 
 
 def place(editor, clock, *vertices):
@@ -433,6 +434,35 @@ def test_a_pose_at_one_frame_leaves_the_poses_of_the_others(editor, timeline, cl
     editor.undo()
     finish(editor, clock)
     assert set(timeline.clip.names) == names
+
+
+def test_poses_that_are_keyed_before_the_clip_is_fitted_stay_as_they_are(editor, timeline, clock):
+    """Each with a handle of its own, whose keys at the other frames are on the poses there."""
+    size = editor.model.reference.bounding_diagonal
+    poses = []
+    for vertex, shift in ((10, [0, 0.2, 0.1]), (60, [0, -0.1, 0.25]), (30, [0.1, 0.1, -0.2])):
+        editor.handles.clear()
+        place(editor, clock, vertex, 110)
+        drag(editor, clock, shift, number=editor.edit.handles[1].id)
+        poses.append((save_pose(editor), editor.vertices.copy()))
+    start_from(editor, poses[0][0])
+    finish(editor, clock)
+    timeline.keys.set([SLIDERS, *(handle.id for handle in editor.edit.handles)])
+    for frame, (pose, _) in ((20, poses[1]), (40, poses[2])):
+        timeline.seek(frame)
+        steps = len(editor.session.entries)
+        start_from(editor, pose)
+        wait_for(
+            lambda steps=steps: len(editor.session.entries) > steps,
+            lambda: tick(editor, clock),
+            pause=0.001,
+        )
+        assert timeline.waiting, "the fit of this step is still to come"
+    finish(editor, clock)
+    for frame, (_, shape) in zip((0, 20, 40), poses, strict=True):
+        timeline.seek(frame)
+        finish(editor, clock)
+        assert np.abs(fitted_shape(timeline, frame) - shape).max() < 0.01 * size, f"frame {frame}"
 
 
 @pytest.mark.parametrize("near", [True, False])
