@@ -17,6 +17,8 @@ from deformer_app.viewer.mirror_plane import MirrorPlane
 # Distance of a handle from another's mirror image, in bounding diagonals, up to which the two are
 # partners although their vertices are not opposite: a hand is seldom pressed at the same vertex.
 _NEAR = 0.06
+# What a partner takes over besides places and turns, once it changes.
+_OPTIONS = ("kind", "weight", "orientation_weight", "radius")
 
 
 class LiveMirror:
@@ -162,18 +164,14 @@ class LiveMirror:
         """The partner after the change of a handle from `was` to `now`."""
         symmetry = self.plane.symmetry
         other = replace(image(now, symmetry), name=partner.name)
-        options = {
-            "kind": now.kind,
-            "weight": now.weight,
-            "orientation_weight": now.orientation_weight,
-            "radius": now.radius,
-        }
         if was is None and not _vertices_opposite(now, symmetry.opposite) & set(partner.vertices):
             return partner  # it is near the mirror image, and moves from where it is
         if was is None or was.vertices != now.vertices or was.patch != now.patch:
             # Pinned, freed or resized: the partner's vertices change alike, where they are.
             return on_surface(replace(other, id=partner.id))
-        partner = replace(partner, **options)
+        options = {name: getattr(now, name) for name in _OPTIONS}
+        changed = {name: to for name, to in options.items() if getattr(was, name) != to}
+        partner = replace(partner, **changed)
         if now.kind == "pin" and was.kind != "pin":
             partner = on_surface(partner)
         elif was.targets != now.targets:

@@ -147,6 +147,11 @@ def _start_at_playhead(
     edit = replace(before.with_handles([*own.handles, *kept.values()]), base=own.base)
     solution = pose.solution if own.settings == edit.settings else None
     editor.change(label, edit, both_sides=False, solution=solution, whole=True)
+    kinds = {handle.id: handle.kind for handle in before.handles}
+    for handle in edit.handles:
+        if kinds.get(handle.id, handle.kind) != handle.kind:
+            name = editor.handles.names.of(handle)
+            editor.note(f"{name} is {handle.kind} now, at all frames, as it is in the pose")
 
 
 def _held_by(handle: Handle, present: Sequence[Handle], kept: Iterable[int]) -> int | None:

@@ -71,6 +71,23 @@ def test_the_partner_of_what_is_dragged_follows_even_if_both_are_selected(editor
     )
 
 
+def test_a_partner_keeps_its_own_kind_until_that_of_the_other_changes(editor):
+    first, second = pair(editor)
+    editor.mirror.switch_live()
+    editor.handles.select([second.id])
+    editor.handles.set_kind("exact")
+    editor.mirror.switch_live()
+    editor.handles.select([first.id])
+    editor.handles.move_selected(translation([0.1, 0.2, -0.1]))
+    editor.commit("Move")
+    finish(editor)
+    assert [h.kind for h in editor.edit.handles] == ["soft", "exact"]
+    assert editor.edit.handle(second.id).targets != second.targets
+    editor.handles.set_kind("exact")
+    editor.handles.set_kind("soft")
+    assert [h.kind for h in editor.edit.handles] == ["soft", "soft"]
+
+
 @pytest.fixture
 def coarse(monkeypatch):
     """Vertices of the tube are far apart: handles are partners up to 8 % of its size."""

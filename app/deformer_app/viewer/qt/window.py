@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from PySide6.QtCore import QByteArray, QObject, QPoint, QSize, QTimer, Signal
-from PySide6.QtGui import QCloseEvent, QKeySequence, QShortcut
+from PySide6.QtGui import QCloseEvent, QKeySequence, QShortcut, QShowEvent
 from PySide6.QtWidgets import (
     QApplication,
     QInputDialog,
@@ -72,6 +72,7 @@ from deformer_app.viewer.vtk_input import listen
 _SMALLEST = (254, 150)  # pixels of a picture: room for the orientation cube and a colour bar
 _TICK = 4  # milliseconds between two ticks while the editor is busy
 _PANELS = 120  # milliseconds after a change until the docks show it
+_FRAMED = 300  # milliseconds after which a window manager has framed the window
 
 
 class _Wake(QObject):
@@ -446,6 +447,25 @@ class Window(QMainWindow):
 
     def _may_stop_training(self) -> bool:
         return self.training is None or self.training.may_stop()
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Fit the screen once there is a frame around the window."""
+        super().showEvent(event)
+        if not event.spontaneous():
+            QTimer.singleShot(_FRAMED, self._fit_screen)
+
+    def _fit_screen(self) -> None:
+        """Shrink the window if its frame and title bar bring it beyond the screen's free part."""
+        free, frame = self.screen().availableGeometry(), self.frameGeometry()
+        if free.contains(frame) or self.isMaximized() or self.isFullScreen():
+            return
+        self.resize(self.size() - (frame.size() - frame.size().boundedTo(free.size())))
+        frame.setSize(frame.size().boundedTo(free.size()))
+        corner = frame.topLeft()
+        self.move(
+            max(free.left(), min(corner.x(), free.right() + 1 - frame.width())),
+            max(free.top(), min(corner.y(), free.bottom() + 1 - frame.height())),
+        )
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """Ask if there is unsaved work, then close threads and view."""

@@ -87,6 +87,15 @@ def test_the_start_page_opens_models_and_close_returns_to_it(app, bare, model_pa
     assert bare.editor.session.model.path == str(model_path)
 
 
+def test_a_window_that_its_frame_brings_beyond_the_screen_is_moved_and_shrunk(app, bare):
+    free = bare.screen().availableGeometry()
+    bare.hide()
+    bare.setGeometry(free.x() + 40, free.y() + 30, free.width(), free.height())
+    bare.show()
+    wait_for(lambda: free.contains(bare.frameGeometry()), app.processEvents)
+    assert bare.width() > 0.9 * free.width()
+
+
 def test_the_start_page_comes_back_as_often_as_a_model_is_closed(app, bare, model_path, capfd):
     for _ in range(3):
         bare.open_model(model_path)

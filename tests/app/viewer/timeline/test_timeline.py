@@ -436,6 +436,21 @@ def test_a_pose_at_one_frame_leaves_the_poses_of_the_others(editor, timeline, cl
     assert set(timeline.clip.names) == names
 
 
+def test_a_kind_that_a_pose_brings_to_all_frames_is_told(editor, timeline, clock):
+    told = []
+    place(editor, clock, 10)
+    pose = save_pose(editor)
+    editor.handles.set_kind("soft")
+    timeline.keys.set()
+    finish(editor, clock)
+    timeline.seek(20)
+    editor.on_change.append(told.append)
+    start_from(editor, pose)
+    finish(editor, clock)
+    assert editor.edit.handles[0].kind == "exact"
+    assert any("is exact now, at all frames" in text for text in texts(told, NoticeGiven))
+
+
 def test_poses_that_are_keyed_before_the_clip_is_fitted_stay_as_they_are(editor, timeline, clock):
     """Each with a handle of its own, whose keys at the other frames are on the poses there."""
     size = editor.model.reference.bounding_diagonal
