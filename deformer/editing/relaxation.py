@@ -13,7 +13,7 @@ from deformer.geometry import FloatArray
 # Newton steps of the local rotation fits: in the first round, and in each later one.
 FIRST_ROTATION_STEPS, ROTATION_STEPS = 60, 10
 # A round that moves no vertex by this much, in bounding diagonals, is the last one.
-RELAXED = 2e-5
+_RELAXED = 2e-5
 
 
 def relaxation(
@@ -36,5 +36,5 @@ def relaxation(
         surface.relax(ROTATION_STEPS if n else FIRST_ROTATION_STEPS, over=1.0)
         before, vertices = vertices, solve()
         yield vertices
-        if np.abs(vertices - before).max() < RELAXED * surface.unit:
+        if np.abs(vertices - before).max() < _RELAXED * surface.unit:
             break

@@ -279,7 +279,12 @@ def fit_sequence_parts(
     solver = HandleSolver(model, rigid=rigid, noise=noise, freedom=freedom, misfit=misfit)
     _warn_of_units(model, tracks)
     lifted = tracks.above(floor)
-    at, first = _first_guess(solver, lifted, means)
+    seen = lifted.seen
+    if not smoothness > 0 and any(seen[key] for key in keys if key < windows.WINDOW):
+        # Key frames find their own starts.
+        at, first = 0, np.zeros(solver.energy.size)
+    else:
+        at, first = _first_guess(solver, lifted, means)
     own_noise = noise is None and not smoothness > 0
     if own_noise:
         solver.set_prior(noise=model.handle_noise)

@@ -124,6 +124,14 @@ def mouse(app):
 
 
 @pytest.fixture
+def panel(window):
+    """The panel of the timeline."""
+    from deformer_app.viewer.qt.timeline_panel import TimelinePanel
+
+    return window.docks.panel(TimelinePanel)
+
+
+@pytest.fixture
 def keyed(app, window):
     """Keys of two exact handles at frames 0 and 20 of 41."""
     editor, timeline = window.editor, window.editor.timeline

@@ -14,13 +14,6 @@ pytest.importorskip("pyvistaqt", reason='needs pyvistaqt: pip install "deformer[
 
 
 @pytest.fixture
-def panel(window):
-    from deformer_app.viewer.qt.timeline_panel import TimelinePanel
-
-    return window.docks.panel(TimelinePanel)
-
-
-@pytest.fixture
 def poses(window):
     from deformer_app.viewer.qt.pose_strip import PoseStrip
 

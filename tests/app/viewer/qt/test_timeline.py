@@ -13,13 +13,6 @@ pytest.importorskip("PySide6", reason='needs Qt: pip install "deformer[app]"')
 pytest.importorskip("pyvistaqt", reason='needs pyvistaqt: pip install "deformer[app]"')
 
 
-@pytest.fixture
-def panel(window):
-    from deformer_app.viewer.qt.timeline_panel import TimelinePanel
-
-    return window.docks.panel(TimelinePanel)
-
-
 def test_a_press_on_a_key_selects_it_and_a_drag_moves_it(app, window, panel, keyed, mouse):
     rows, first = panel.rows, window.editor.edit.handles[0].id
     start = rows.position((first, 20))
